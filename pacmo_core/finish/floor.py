@@ -181,13 +181,18 @@ def find_aloft(motion: Motion, fps: float, skeleton: Skeleton) -> Mask:
     """
     if not feet(skeleton):
         return np.zeros(len(motion), dtype=np.bool_)
+    aloft = np.zeros(len(motion), dtype=np.bool_)
+    for flight in _flights(motion, fps, skeleton):
+        aloft[flight] = True
+    return aloft
+
+
+def _flights(motion: Motion, fps: float, skeleton: Skeleton) -> list[slice]:
+    """List the runs of frames in which both feet are off the floor, by more than a step."""
     floor = find_floor(motion, find_stance(motion, fps, skeleton), skeleton)
     ankles = motion[:, [foot[0] for foot in feet(skeleton)]].astype(np.float64)
-    lift = ankles[..., 1] - floor.at(ankles) - floor.rest[0]
-    lower, aloft = lift.min(axis=1), np.zeros(len(motion), dtype=np.bool_)
-    for flight in frame_runs(lower > MAX_ROLL):
-        aloft[flight] = lower[flight].max() > ALOFT_HEIGHT
-    return aloft
+    lower = (ankles[..., 1] - floor.at(ankles) - floor.rest[0]).min(axis=1)
+    return [run for run in frame_runs(lower > MAX_ROLL) if lower[run].max() > ALOFT_HEIGHT]
 
 
 def rest_heights(
@@ -260,11 +265,28 @@ def set_down(
     rests = rest_heights(result.astype(np.float32), partner, stance, fps, skeleton, tolerance)
     ankles = result[:, [foot[0] for foot in feet(skeleton)], 1].T
     lower = (ankles == ankles.min(axis=0)) & ~stance.any(axis=0) & ~aloft
+    for run in _flights(body, fps, skeleton):
+        if not aloft[run].any():
+            # The mean of two kicks raises both feet: one carries the body, the other kicks.
+            carrier = int(ankles[:, run].mean(axis=1).argmin())
+            lower[:, run] = np.arange(len(ankles))[:, None] == carrier
+            stance[:, run] = False
+            _stay(result, run, list(feet(skeleton)[carrier]))
     for foot, carries in zip(feet(skeleton), stance | lower, strict=True):
         share = gaussian_filter1d(carries.astype(np.float64), SMOOTHING * fps, mode="nearest")
         over = np.maximum(result[:, foot[0], 1] - rests[:, foot[0]] - MAX_ROLL, 0)
         result[:, list(foot), 1] -= (share * over)[:, None]
     return result
+
+
+def _stay(motion: Array, run: slice, joints: list[int]) -> None:
+    """Move joints over the ground straight from where they are before some frames to after them."""
+    before, after = max(run.start - 1, 0), min(run.stop, len(motion) - 1)
+    share = np.linspace(0, 1, after - before + 1)[:, None, None]
+    ends = motion[[before, after]][:, joints][..., [0, 2]]
+    path = (1 - share) * ends[0] + share * ends[1]
+    for column, axis in enumerate((0, 2)):
+        motion[before : after + 1, joints, axis] = path[..., column]
 
 
 def _drift(motion: Array, floor: Floor, fps: float, skeleton: Skeleton, aloft: Mask) -> Array:

@@ -251,3 +251,19 @@ def test_a_jump_stays_where_captured_bodies_jump_and_is_none_elsewhere(height: f
     np.testing.assert_allclose(above[40], reaction[40, FEET, 1].min() - ground, atol=0.02)
     assert np.abs(above[[*range(25), *range(55, 90)]]).max() < 0.02
     assert grounded.max() < 0.06
+
+
+def test_the_mean_of_two_kicks_becomes_a_kick():
+    """Both feet are raised ahead by halves: one carries the body, the other kicks on."""
+    partner, reaction, times = standing(90)
+    raised = np.zeros(90)
+    raised[30:60] = np.sin(np.linspace(0, np.pi, 30))
+    for foot, height in zip(FEET, (0.5, 0.35), strict=True):
+        reaction[:, foot, 1] += (height * raised).astype(np.float32)
+        reaction[:, foot, 2] -= (0.6 * raised).astype(np.float32)
+    found = finish(reaction, partner, times, SBU15, NONE)
+    above = found[:, FEET, 1] - partner[0, FEET, 1].min()
+    assert np.abs(above.min(axis=1)).max() < 0.05
+    assert above[45, 0] > 0.3
+    # It stands where it stood, below the body.
+    assert np.ptp(found[:, FEET[1]][:, [0, 2]], axis=0).max() < 0.05
