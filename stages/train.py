@@ -19,7 +19,6 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import split_variation_name
 from pacmo_core.models import MODELS, Model
 from pacmo_core.reaction.variations import TrainingVariations
-from pacmo_core.reaction.wgan import START_SHARE
 from pacmo_core.store.files import StoreError, file_hash
 from pacmo_core.store.motions import stream_folder
 from pacmo_core.store.weights import TrainedOn, read_trained_on
@@ -90,7 +89,7 @@ def read_trained_on_before(params: Any) -> TrainedOn:
         trained_on = read_trained_on(file) or TrainedOn((), 0, 0)
     except (OSError, StoreError) as fault:
         raise StageError(f"train_pacmo.start: {fault}") from fault
-    sys.stdout.write(f"continues from {file}, which keeps {START_SHARE:.0%} of the weights\n")
+    sys.stdout.write(f"continues from {file}, which keeps {start.share:.0%} of the weights\n")
     return trained_on
 
 

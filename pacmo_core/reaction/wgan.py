@@ -44,11 +44,6 @@ from pacmo_core.training.state import (
 )
 from pacmo_core.training.supervised import mean_terms, set_learning_rate
 
-# Share of the weights that a training continues from in the model that it makes: on captures of
-# other people such a mean makes fewer false contacts than the trained weights alone, and places
-# reactions less exactly (Wortsman et al. 2022, Robust fine-tuning of zero-shot models).
-START_SHARE = 0.25
-
 
 class WganTrainer:
     """Generator, critic, their optimisers, and the EMA of the generator.
@@ -101,7 +96,7 @@ class WganTrainer:
 
     @property
     def model(self) -> Generator:
-        """The EMA of the generator, of which ``START_SHARE`` is what it continues from."""
+        """The EMA of the generator, of which ``start.share`` is what it continues from."""
         return self.ema_generator
 
     @property
@@ -198,8 +193,13 @@ class WganTrainer:
         batch = self._sample_batch(for_critic=False)
         loss = self.losses.generator_loss(batch, use_critic=use_critic)
         terms = self._minimise(self.adam_generator, loss)
+        settings = self.settings
         update_ema(
-            self.ema_generator, self.generator, self.settings.ema_decay, self.start, START_SHARE
+            self.ema_generator,
+            self.generator,
+            settings.ema_decay,
+            self.start,
+            settings.start.share,
         )
         return terms
 

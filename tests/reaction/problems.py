@@ -102,7 +102,7 @@ GRU = GruSettings(
 )
 PACMO = PacmoSettings(
     random_seed=0,
-    start=StartSettings("", ""),
+    start=StartSettings("", "", 0.25),
     device="cpu",
     n_points=17,
     period=1.25,

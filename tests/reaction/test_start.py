@@ -22,7 +22,7 @@ LABELS = ["wave", "hug"] * 2
 
 
 def start(file: Path) -> StartSettings:
-    return StartSettings(str(file), file_hash(file))
+    return StartSettings(str(file), file_hash(file), 0.25)
 
 
 @pytest.fixture(scope="module")
@@ -54,18 +54,18 @@ def test_a_training_begins_with_the_reactions_of_the_file(
     assert not torch.allclose(reactions(other), reactions(model))
 
 
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.9])
 def test_the_model_keeps_a_share_of_the_weights_of_the_file(
-    trained: tuple[wgan.Generator, Path],
+    trained: tuple[wgan.Generator, Path], share: float
 ) -> None:
     model, file = trained
-    settings = replace(SHORT, start=start(file), ema_decay=0.0)
+    settings = replace(SHORT, start=replace(start(file), share=share), ema_decay=0.0)
     trainer = wgan.build_training(clips(4), settings).trainer
     trainer.train_epoch(0)
     before, after, kept = (
         one.head[0].weight for one in (model.uno, trainer.generator.uno, trainer.model.uno)
     )
     assert not torch.allclose(before, after)
-    share = wgan.START_SHARE
     torch.testing.assert_close(kept, share * before + (1 - share) * after)
 
 
@@ -86,7 +86,7 @@ def test_another_file_than_stated_is_refused(trained: tuple[wgan.Generator, Path
     with pytest.raises(ValueError, match="weights.safetensors: wanted the SHA-256 000.*; got"):
         wgan.build_training(clips(4), replace(SHORT, start=wrong))
     with pytest.raises(ValueError, match="must both be stated, or none"):
-        StartSettings(str(file), "")
+        StartSettings(str(file), "", 0.25)
 
 
 def test_noise_is_that_of_training_whatever_the_temperature_of_the_file(

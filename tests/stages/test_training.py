@@ -137,10 +137,10 @@ def test_a_start_that_is_another_file_is_said_before_data_are_read(monkeypatch):
 
     monkeypatch.setattr(train, "read_training_data", read)
     write_weights(Path("start.safetensors"), {"model": "pacmo"}, {"x": torch.zeros(1)})
-    change("train_pacmo", start={"weights": "start.safetensors", "sha256": "0" * 64})
+    change("train_pacmo", start={"weights": "start.safetensors", "sha256": "0" * 64, "share": 0.25})
     with pytest.raises(StageError, match="start.safetensors: wanted the SHA-256 000"):
         run("train_pacmo")
-    change("train_pacmo", start={"weights": "gone.safetensors", "sha256": "0" * 64})
+    change("train_pacmo", start={"weights": "gone.safetensors", "sha256": "0" * 64, "share": 0.25})
     with pytest.raises(StageError, match="train_pacmo.start: .*gone.safetensors"):
         run("train_pacmo")
 
@@ -150,7 +150,7 @@ def test_what_the_weights_of_the_start_were_trained_on_counts():
     first = read_trained_on(MODEL / "weights.safetensors")
     shutil.copy(MODEL / "weights.safetensors", "start.safetensors")
     sha256 = file_hash(Path("start.safetensors"))
-    change("train_pacmo", start={"weights": "start.safetensors", "sha256": sha256})
+    change("train_pacmo", start={"weights": "start.safetensors", "sha256": sha256, "share": 0.25})
     run("train_pacmo")
     assert first is not None
     assert read_trained_on(MODEL / "weights.safetensors") == first + first
