@@ -344,6 +344,7 @@ class Params:
     threads: int
     random_seed: int
     max_variations: int  # of each source
+    temperature: float  # of samples: standard deviation of the latents
     generated_skeletons: GeneratedSkeletons
     limits: RetargetingLimits
     extractor: FeatureExtractorSettings
@@ -365,7 +366,7 @@ def main(paths: argparse.Namespace) -> None:
     sampled = sample_body_examples(one, selected, params.generated_skeletons, solver)
     samples: dict[str, Interaction] = {}
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
-    for name, seed, row in rows(one, paths.models, runs):
+    for name, seed, row in rows(one, paths.models, runs, params.temperature):
         result = evaluate_row(row, evaluator, (selected, sampled), params)
         scores.setdefault(name, {})[seed] = result
         if seed == runs.seeds[0] and name != TEMPLATE:  # which is the source
@@ -400,7 +401,7 @@ def compare_bodies(model: SkeletonPrior, train: Sequence[Example]) -> dict[str, 
 
 
 def rows(
-    one: SkeletonPrior, models: Path, runs: PriorRuns
+    one: SkeletonPrior, models: Path, runs: PriorRuns, temperature: float
 ) -> Iterator[tuple[str, int, Retargeter]]:
     """Yield the rows of the table with their seeds; the first two have nothing to seed."""
     first_seed = runs.seeds[0]
@@ -409,7 +410,7 @@ def rows(
     for name in runs.models:
         for seed in runs.seeds:
             model = load_skeleton_prior(models / name / str(seed) / WEIGHTS)
-            yield name, seed, partial(retarget, model)
+            yield name, seed, partial(retarget, model, temperature=temperature)
 
 
 def make_evaluator(real: list[Example], params: Params, solver: Settings) -> PriorEvaluator:

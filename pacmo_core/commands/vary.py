@@ -70,7 +70,7 @@ from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh.scene import MIN_LENGTH
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.project.workspace import CommandError
-from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
+from pacmo_core.skeleton_prior.inference import MAX_TEMPERATURE, generate_skeletons, retarget
 from pacmo_core.skeleton_prior.training import build_start
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.files import file_hash
@@ -104,6 +104,14 @@ Network = Annotated[
         help="use the network, or its start alone; by default what the evaluation shows is better",
     ),
 ]
+Temperature = Annotated[
+    float,
+    typer.Option(
+        min=0,
+        max=MAX_TEMPERATURE,
+        help="of the samples of a network: below 1 more alike, 0 the most usual one",
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same interactions")]
 
 ADVICE = (
@@ -123,6 +131,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     b_scale: BScale = [],  # noqa: B006
     profile: Profile = [],  # noqa: B006
     samples: Samples = 1,
+    temperature: Temperature = 1.0,
     seed: Seed = 0,
     weights: Weights = None,
     network: Network = None,
@@ -179,7 +188,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         for line in _body_lines(bodies, duo, samples, uses_network=uses_network):
             typer.echo(line)
         mover = model if uses_network else build_start(model.config)
-        variations = list(_variations(mover, duo, bodies, samples, random))
+        variations = list(_variations(mover, duo, bodies, samples, random, temperature))
         written, fidelity, people, in_files = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
@@ -418,12 +427,15 @@ def _variations(
     bodies: Scales,
     samples: int,
     random: torch.Generator,
+    temperature: float,
 ) -> Iterator[tuple[Interaction, Scales]]:
     """Yield interactions and the scales (2, E) of their bodies, of which one has all samples."""
     a, b = duo.people
     source = Interaction(mover.config.skeleton, a.times - a.times[0], a.motion, b.motion)
     each = samples // len(bodies)
-    motions = retarget(mover, source, bodies, samples=each, random=random, finish=True)
+    motions = retarget(
+        mover, source, bodies, samples=each, random=random, temperature=temperature, finish=True
+    )
     for pairs, scales in zip(motions, bodies, strict=True):
         yield from ((pair, scales) for pair in pairs)
 

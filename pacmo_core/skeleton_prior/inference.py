@@ -1,7 +1,8 @@
 """Inference with a trained skeleton prior: retarget to given skeletons, or to sampled ones."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -23,17 +24,20 @@ from pacmo_core.skeleton_prior.finish import Finish
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 
 BATCH_SIZE = 32
+MAX_TEMPERATURE = 2.0
+Decode = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 # What the solver takes for support by default (``augment.solver.support``).
 SUPPORT = Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.25)
 
 
-def retarget(
+def retarget(  # noqa: PLR0913  # each is a choice of the caller
     model: SkeletonPrior,
     source: Interaction,
     scales: NDArray[np.float64],
     *,
     samples: int,
     random: torch.Generator | None,
+    temperature: float = 1.0,
     finish: bool = False,
 ) -> Iterator[list[Interaction]]:
     """Retarget a source to each of V pairs of skeletons, in order; yield the samples of each.
@@ -44,19 +48,23 @@ def retarget(
         of the training data
     samples : of each pair of skeletons, at least 1
     random : samples the latents; without it the latents are the prior's mean, and all samples equal
+    temperature : standard deviation of the latents, 0 to 2: below 1 samples are more alike
     finish : set right what the model leaves of angles, feet and touches (``finish``), if its output
         has exact bone lengths; the comparisons of models are of what they give without it
 
     Raises
     ------
     ValueError
-        If the skeleton is not the model's, or scales or samples are not as described.
+        If the skeleton is not the model's, or scales, samples or temperature are not as described.
     """
     _check(model, source, scales, samples)
+    if not 0 <= temperature <= MAX_TEMPERATURE:
+        raise ValueError(f"temperature must be 0 to {MAX_TEMPERATURE:g}; got {temperature:g}")
+    decode = partial(model.decode, random=random, temperature=temperature)
     repeated, pending = np.repeat(scales, samples, axis=0), list[Interaction]()
     for first in range(0, len(repeated), BATCH_SIZE):
         rows = repeated[first : first + BATCH_SIZE]
-        pending += _retarget_batch(model, source, rows, random, finish=finish)
+        pending += _retarget_batch(model, source, rows, decode, finish=finish)
         while len(pending) >= samples:
             yield pending[:samples]
             pending = pending[samples:]
@@ -66,7 +74,7 @@ def _retarget_batch(
     model: SkeletonPrior,
     source: Interaction,
     scales: NDArray[np.float64],
-    random: torch.Generator | None,
+    decode: Decode,
     *,
     finish: bool,
 ) -> list[Interaction]:
@@ -81,7 +89,7 @@ def _retarget_batch(
             template = stack_characters(source, frame, b_first=b_first)
             joint_scales = scales_by_joint(scales[rows], source.skeleton)
             joint_scales = joint_scales.flip(1) if b_first else joint_scales
-            motions = retarget_positions(model, template, joint_scales, random, stride=stride)
+            motions = retarget_positions(model, template, joint_scales, decode, stride=stride)
             positions[rows] = (motions.flip(2) if b_first else motions).numpy()
     if finish and model.first.has_exact_bones:
         positions = _finished(model, source, torch.from_numpy(positions), scales)
@@ -134,7 +142,7 @@ def retarget_positions(
     model: SkeletonPrior,
     template: Tensor,
     scales: Tensor,
-    random: torch.Generator | None,
+    decode: Decode,
     *,
     stride: int,
 ) -> Tensor:
@@ -144,6 +152,7 @@ def retarget_positions(
     ----------
     template : (T, 2, J, 3), metres, the first character first
     scales : (V, 2, J)
+    decode : ``model.decode`` with its latents
     stride : frames between keyframes
 
     Returns
@@ -155,7 +164,7 @@ def retarget_positions(
         scales = scales.to(device)
         templates = template.to(device).expand(len(scales), *template.shape)
         keyframes = templates[:, list(keyframe_indices(n_frames, stride))]
-        outputs = model.decode(keyframes, scales, random)
+        outputs = decode(keyframes, scales)
         first, second = (interpolate_keyframes(output, n_frames, stride) for output in outputs)
         return model.joint_positions((first, second), templates, scales).cpu()
 

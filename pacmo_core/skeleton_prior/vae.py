@@ -232,9 +232,13 @@ class SkeletonPrior(nn.Module):
         return torch.stack([motion, partner], dim=2), (first, second)
 
     def decode(
-        self, template: Tensor, scales: Tensor, random: torch.Generator | None
+        self,
+        template: Tensor,
+        scales: Tensor,
+        random: torch.Generator | None,
+        temperature: float = 1.0,
     ) -> tuple[Tensor, Tensor]:
-        """Decode latents from the prior N(0, I), without a generator its mean.
+        """Decode latents from the prior N(0, temperature² I), without a generator its mean.
 
         Returns
         -------
@@ -243,8 +247,9 @@ class SkeletonPrior(nn.Module):
 
         def latent(vae: CharacterVae) -> Tensor:
             shape = vae.latent_shape(template[:, :, 0])
-            z = torch.zeros(shape) if random is None else torch.randn(shape, generator=random)
-            return z.to(template.device)
+            if random is None:
+                return torch.zeros(shape, device=template.device)
+            return temperature * torch.randn(shape, generator=random).to(template.device)
 
         output = self.first.decode(latent(self.first), self.first_condition(template, scales))
         motion = self.first.joint_positions(output, template[:, :, 0], scales[:, 0])

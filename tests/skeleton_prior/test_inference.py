@@ -70,6 +70,19 @@ def test_samples_differ_by_their_latents_only():
     np.testing.assert_array_equal(plain.person_a, twin.person_a)
 
 
+def test_samples_are_the_more_alike_the_lower_the_temperature():
+    source, scales = interaction(1), bodies(0.8)
+    found = []
+    for temperature in (0.0, 0.5, 1.0):
+        drawn = retarget(MODELS["paper"], source, scales, samples=6, random=generator(),
+                         temperature=temperature)  # fmt: skip
+        several = [np.stack([one.person_a, one.person_b]) for body in drawn for one in body]
+        found.append(np.std(several[:6], axis=0).mean())
+    assert found[0] < 1e-6 < 0.3 * found[2] < found[1] < 0.7 * found[2]
+    with pytest.raises(ValueError, match="temperature must be 0 to 2; got 3"):
+        next(retarget(MODELS["kinematic"], source, scales, samples=1, random=None, temperature=3))
+
+
 def test_samples_may_exceed_the_batch_size():
     source, scales_of_bodies = interaction(1, n_frames=4), bodies(0.8)
     many = list(retarget(MODELS["kinematic"], source, scales_of_bodies, samples=35, random=None))
