@@ -97,6 +97,8 @@ class ExportOptions:
         suffix = out.suffix.lower()
         if suffix not in WRITERS:
             raise CommandError(f"{out}: wanted a suffix of {', '.join(WRITERS)}")
+        if out.is_dir():
+            raise CommandError(f"{out}: a folder; wanted a file")
         check_axis(self.up, "--to-up")
         check_unit(self.unit, "--to-unit")
         if suffix in FIXED_UNIT_SUFFIXES and (self.up, self.unit) != ("y", 1.0):
