@@ -35,6 +35,7 @@ from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import (
     ancestor_bones,
     hinges,
+    neck_bends,
     scene_bone_kinds,
     trunk_bends,
     trunk_joints,
@@ -157,7 +158,8 @@ class Places:
         kinds, ancestors = scene_bone_kinds(self.scene), ancestor_bones(self.scene)
         arms = [row for row, kind in enumerate(kinds) if kind == "upper_arm"]
         n_arms = ancestors[self.scene.bones[arms, 0]].sum(axis=0)
-        for first, second in pairs[~is_rigid].tolist():
+        necks = [] if is_change else neck_bends(self.scene).tolist()
+        for first, second in [*pairs[~is_rigid].tolist(), *necks]:
             if not is_change or n_arms[second] > 1:
                 bend, joint = self._bend(first, second), self.scene.bones[second, 0]
                 faults[:, joint] = np.maximum(faults[:, joint], np.abs(bend) if is_change else bend)

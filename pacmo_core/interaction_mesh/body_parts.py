@@ -126,6 +126,29 @@ def trunk_bends(scene: Scene) -> tuple[Indices, NDArray[np.bool_]]:
     return bends[kept], is_rigid[kept]
 
 
+def neck_bends(scene: Scene) -> Indices:
+    """``(S, 2)``: pairs of bones of necks that follow each other, the first beyond the arms.
+
+    A neck leads from the joint at which a spine ends away from all limbs.
+    """
+    bends, ancestors = spine_bends(scene), ancestor_bones(scene)
+    carries = np.zeros((2, len(scene.bones)), dtype=np.bool_)  # a limb; both arms
+    for person in (0, 1):
+        rows = _bones_of(scene, person)
+        for kind in _UPPER_LIMBS:
+            limbs = [row for row in rows if scene_bone_kinds(scene)[row] == kind]
+            paths = ancestors[scene.bones[limbs, 0]] > 0
+            carries[0] |= paths.any(axis=0)
+            carries[1] |= paths.all(axis=0) & (kind == "upper_arm" and len(limbs) > 0)
+    first, second = bends.T
+    follows = (scene.bones[first, 1] == scene.bones[second, 0]) & ~carries[0][second]
+    neck = np.zeros(len(scene.bones), dtype=np.bool_)
+    for _ in scene.bones:
+        neck[second[follows & (carries[1] | neck)[first]]] = True
+    found: Indices = bends[follows & neck[second]]
+    return found
+
+
 def _bones_of(scene: Scene, person: int) -> list[int]:
     n_a = scene.n_joints[0]
     return [row for row, (joint, _) in enumerate(scene.bones) if (joint >= n_a) == bool(person)]

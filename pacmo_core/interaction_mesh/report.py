@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pacmo_core.interaction_mesh.body_parts import (
     bone_to_joint,
     hinges,
+    neck_bends,
     scene_bone_kinds,
     trunk_bends,
     trunk_joints,
@@ -335,7 +336,7 @@ def spine_bend(scene: Scene, points: Array) -> Array:
     """Return ``Report.spine_bend``, (V,); zero without a spine."""
     pairs, is_rigid = trunk_bends(scene)
     largest = np.zeros(points.shape[-1])
-    for first, second in pairs[~is_rigid].tolist():
+    for first, second in [*pairs[~is_rigid].tolist(), *neck_bends(scene).tolist()]:
         bones = [_bone_vector(scene, row) for row in (first, second)]
         before, after = (
             _angle(*(_vectors(motion, bone) for bone in bones))

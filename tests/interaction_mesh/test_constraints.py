@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.skeleton import NTU25, Skeleton
 from pacmo_core.interaction_mesh import prepare, retarget
-from pacmo_core.interaction_mesh.body_parts import trunk_bends
+from pacmo_core.interaction_mesh.body_parts import neck_bends, trunk_bends
 from pacmo_core.interaction_mesh.constraints import (
+    MAX_NECK_BEND,
     MAX_WHOLE_BEND,
     AngleBounds,
     Rows,
@@ -197,3 +198,21 @@ def test_a_spine_of_many_joints_bends_no_more_as_a_whole(n_joints: int, each: fl
     of_chain = ~is_rigid & (source.bones[chain[:, 0], 1] <= n_joints)
     is_free = angles > np.radians(each)
     np.testing.assert_allclose(allowed[:, of_chain][is_free[:, of_chain]], each, atol=1e-6)
+
+
+def test_a_neck_begins_where_the_arms_leave_the_spine() -> None:
+    source = scene(2, 5, skeletons=(NTU25, SPINE))
+    joints = source.bones[neck_bends(source)]
+    assert sorted([NTU25.joints[joint] for joint in pair.ravel()] for pair in joints) == [
+        ["spine_mid", "spine_shoulder", "spine_shoulder", "neck"],
+        ["spine_shoulder", "neck", "neck", "head"],
+    ]
+    bounds = angle_bounds(source, replace(SETTINGS, max_spine_bend=25))
+    pairs, _ = trunk_bends(source)
+    neck = neck_bends(source)
+    first, second = (source.bone_vectors[:, neck[:, side]] for side in (0, 1))
+    lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
+    angles = np.pi - np.arccos((first * second).sum(axis=-1) / lengths)
+    least = bounds.least[:, len(pairs) : len(pairs) + len(neck)]
+    expected = np.maximum(angles - np.radians(MAX_NECK_BEND / 2), 0)
+    np.testing.assert_allclose(least, expected, atol=1e-6)
