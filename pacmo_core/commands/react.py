@@ -20,7 +20,7 @@ from pacmo_core.commands.captures import (
     is_parquet,
     meant_times,
 )
-from pacmo_core.commands.doubts import doubts
+from pacmo_core.commands.doubts import MIN_BONE_LENGTH, doubts
 from pacmo_core.commands.motion_checks import is_within_limits, motion_lines
 from pacmo_core.commands.react_files import (
     Reactions,
@@ -89,10 +89,9 @@ def react_to_lines(lines: Iterable[str], live: ReactionStream, skeleton: Skeleto
             continue
         try:
             time, pose, as_json = _parse_frame(line, len(skeleton.joints))
-            reactions = live.react(pose, time)
             if is_first:
                 _check_first_frame(pose, skeleton)
-            is_first = False
+            is_first, reactions = False, live.react(pose, time)
         except (ValueError, KeyError, TypeError, ArithmeticError, RecursionError) as fault:
             raise CommandError(f"line {number}: {fault}") from fault
         yield _json(time, reactions) if as_json else _numbers(time, reactions)
@@ -106,7 +105,9 @@ def _check_first_frame(pose: Motion, skeleton: Skeleton) -> None:
     ValueError
         If the stature is impossible.
     """
-    fault = implausible([(skeleton, pose[None])], [None])
+    if np.isfinite(pose).all() and np.ptp(pose, axis=0).max() < MIN_BONE_LENGTH:
+        raise ValueError("all joints are in one place: wanted a person, from the first frame on")
+    fault = implausible([(skeleton, pose[None])], [None]) if np.isfinite(pose).all() else None
     if fault:
         raise ValueError(f"{fault[1]}: frames are in metres, y up")
     person = PersonMotion(skeleton, np.zeros(1), pose[None])

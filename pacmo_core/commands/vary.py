@@ -185,7 +185,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         places = _output_files(duo, samples, out)
         random = torch.Generator().manual_seed(seed)
         bodies = _bodies(model, duo, factors_of_people, profiles, samples, random)
-        for line in _body_lines(bodies, duo, samples, uses_network=uses_network):
+        for line in _body_lines(bodies, duo, samples, temperature, uses_network=uses_network):
             typer.echo(line)
         mover = model if uses_network else build_start(model.config)
         variations = list(_variations(mover, duo, bodies, samples, random, temperature))
@@ -399,9 +399,16 @@ def _bodies(
 
 
 def _body_lines(
-    bodies: Scales, duo: TwoPersonCapture, samples: int, *, uses_network: bool
+    bodies: Scales,
+    duo: TwoPersonCapture,
+    samples: int,
+    temperature: float,
+    *,
+    uses_network: bool,
 ) -> Iterator[str]:
-    """Say how sampled bodies (V, 2, E) scale the bones, and if samples are equal."""
+    """Say how sampled bodies (V, 2, E) scale the bones, and what the start makes no use of."""
+    if temperature != 1 and not uses_network:
+        yield "--temperature changes nothing: the start is a rule, without latents"
     if len(bodies) < samples and not uses_network:
         yield f"the start makes one motion of a body: the {samples} samples are equal"
     if len(bodies) < 2:

@@ -164,6 +164,11 @@ _UNREAL_SIDES = (
     " wrist=hand hand=hand+middle_01? hand=hand~ knuckles=middle_01? fingers=middle_03?"
     " thumb_base=thumb_01? thumb=thumb_03?"
 )
+_UNITY_SIDES = (
+    "hip=UpperLeg knee=LowerLeg ankle=Foot toe=Toes collar=Shoulder shoulder=UpperArm"
+    " elbow=LowerArm wrist=Hand hand=Hand+MiddleProximal? hand=Hand~"
+    " knuckles=MiddleProximal? thumb_base=ThumbProximal?"
+)
 _BIOVISION_SIDES = (
     "hip=Hip knee=Knee ankle=Ankle collar=Collar shoulder=Shoulder elbow=Elbow wrist=Wrist"
     " hand=Wrist~"
@@ -273,16 +278,24 @@ _ROWS = (
     ),
     _rig(
         "unity",
-        "pelvis=Hips spine_low=Spine spine_mid=Spine+Chest spine_high=Chest"
-        " spine_high_2=UpperChest? neck=Neck head=Head",
-        "hip=UpperLeg knee=LowerLeg ankle=Foot toe=Toes collar=Shoulder shoulder=UpperArm"
-        " elbow=LowerArm wrist=Hand hand=Hand+MiddleProximal? hand=Hand~"
-        " knuckles=MiddleProximal? thumb_base=ThumbProximal?",
+        "pelvis=Hips spine_low=Spine spine_mid=Spine+Chest spine_high=Chest neck=Neck head=Head",
+        _UNITY_SIDES,
+    ),
+    _rig(
+        "unity_upper_chest",
+        "pelvis=Hips spine_low=Spine spine_mid=Chest spine_high=UpperChest neck=Neck head=Head",
+        _UNITY_SIDES,
     ),
     _rig(
         "biovision",
         "pelvis=Hips spine_mid=Chest~ neck=Neck head=Head",
         f"{_BIOVISION_SIDES} toe=Toe?",
+    ),
+    _rig(
+        "biovision_bones",
+        "pelvis=Hips spine_mid=Chest~ neck=Neck head=Head",
+        "hip=UpLeg knee=LowLeg ankle=Foot toe=Toe? collar=Collar shoulder=UpArm elbow=LowArm"
+        " wrist=Hand hand=Hand~",
     ),
     _rig(
         "xsens",

@@ -29,6 +29,9 @@ N_PADDING_POSES = 32
 FRAME_SMOOTHING = 0.1
 N_FRAME_POSES = 9
 MAX_PAUSE = 60.0  # seconds between frames: the noise is computed for the time between them
+# Metres a second beside the root beyond which a joint of a live partner was not tracked: hands
+# reach half of it in a punch. It is kept where it was beside the root.
+MAX_JOINT_SPEED = 15.0
 # Seconds between frames, as where a sensor lost the partner, beyond which poses on straight lines
 # fill the pause: a cubic through noisy frames would swing by metres in it.
 MAX_STEP = 0.25
@@ -122,6 +125,7 @@ class ReactionStream:
         if not last < time <= last + MAX_PAUSE:
             wanted = f"time must be later than {last:g} s, by {MAX_PAUSE:g} s at most"
             raise ValueError(f"{wanted}; got {time:g}")
+        pose = self._tracked(pose, pose_before, time - last)
         n_steps = int(np.ceil((time - last) / MAX_STEP))
         for share in np.arange(1, n_steps) / n_steps:
             between = (1 - share) * pose_before + share * pose
@@ -129,6 +133,13 @@ class ReactionStream:
         self._frames.append((time, pose))
         while self._frames[1][0] <= time - self._buffer_duration:
             self._frames.popleft()
+
+    def _tracked(self, pose: Motion, before: Motion, seconds: float) -> Motion:
+        """Return a pose in which joints that no body moves so fast stay beside the root."""
+        root = self._model.skeleton.root
+        beside, kept = pose - pose[root], before - before[root]
+        is_lost = np.linalg.norm(beside - kept, axis=-1) > MAX_JOINT_SPEED * seconds
+        return np.where(is_lost[:, None], pose[root] + kept, pose)
 
     def _query(self, time: float, out_times: NDArray[np.float64]) -> WindowQuery:
         times, poses = zip(*self._frames, strict=True)

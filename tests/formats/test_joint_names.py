@@ -83,6 +83,13 @@ CAPTURES = {
         "Hips Spine Chest Neck Head "
         + after("UpperLeg LowerLeg Foot Toes Shoulder UpperArm LowerArm Hand", "_L", "_R")
     ),
+    "unity_upper_chest": star(
+        "Hips Spine Chest UpperChest Neck Head "
+        + both("UpperLeg LowerLeg Foot Toes Shoulder UpperArm LowerArm Hand")
+    ),
+    "biovision_bones": star(
+        "Hips Chest Neck Head " + both("Collar UpArm LowArm Hand UpLeg LowLeg Foot")
+    ),
     "biovision": star("Hips Chest Neck Head " + both("Collar Shoulder Elbow Wrist Hip Knee Ankle")),
     "xsens": star(
         "Hips Chest Chest2 Chest3 Chest4 Neck Head "

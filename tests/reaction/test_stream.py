@@ -132,3 +132,16 @@ def test_after_a_pause_reactions_go_on_as_before(model: Generator, pause: float)
     reactions = np.stack([live.react(seen, time)[0] for seen, time in pairs])
     away = np.linalg.norm(reactions - reactions[0], axis=-1).max(axis=-1)
     assert away[30:].max() < away[:30].max() + 0.3
+
+
+def test_a_joint_that_is_lost_for_some_frames_stays_beside_the_root(model: Generator) -> None:
+    clip = delayed_mirror(5, np.arange(60) / 30)
+    hand = clip.skeleton.joints.index("left_hand")
+    found = []
+    for height in (0.0, 2.0):
+        motion = clip.person_a.copy()
+        motion[30:33, hand, 1] += np.float32(height)
+        live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
+        pairs = zip(motion, clip.times.tolist(), strict=True)
+        found.append(np.stack([live.react(pose, time)[0] for pose, time in pairs]))
+    assert np.abs(found[1] - found[0]).max() < 0.1
