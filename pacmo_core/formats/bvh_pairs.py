@@ -236,7 +236,7 @@ class BvhPairs:
         if self.end_sites:
             _check_end_sites(file, bvh)
         else:
-            skeleton = skeleton.without(bvh.joints[end] for end in bvh.end_sites)
+            skeleton = skeleton.without(body.joints[end] for end in body.end_sites)
         rows = [bvh.joints.index(joint) for joint in skeleton.joints]
         positions = bvh.positions()[self.skip_frames :, rows]
         fps = 1 / bvh.frame_time if self.fps is None else self.fps

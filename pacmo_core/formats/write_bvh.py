@@ -173,10 +173,10 @@ def rewrite_bvh(file: Path, bvh: Bvh, targets: BvhTargets, scales: Array) -> str
         If a joint has not three rotation channels, or the root no position channels.
     """
     nodes = SceneNodes.of(bvh)
-    bvh, scales = nodes.body(), scales[nodes.count :]
+    bvh, scales, first = nodes.body(), scales[nodes.joints], nodes.joints.start
     check_channels(file, bvh)
     positions = nodes.to_body(targets.positions)
-    of_joint = {joint - nodes.count: positions[:, k] for k, joint in enumerate(targets.joints)}
+    of_joint = {joint - first: positions[:, k] for k, joint in enumerate(targets.joints)}
     # Directions stay those of the rest pose: the rotations are also those of a character's skin.
     rest = bvh.offsets * scales[:, None]
     bones = displacements(bvh, bvh.offsets) * scales[:, None]

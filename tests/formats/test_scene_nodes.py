@@ -49,6 +49,27 @@ def below_nodes(file: Path, *, moves: bool = False) -> Path:
     return written
 
 
+def beside_helpers(file: Path) -> Path:
+    """Put a root above the hips, as of Unreal, and helpers before and after them that move."""
+    bvh = read_bvh(file)
+    shift = {-1: 0} | {joint: joint + 2 for joint in range(len(bvh.joints))}
+    moving = np.random.default_rng(3).normal(size=(len(bvh.motion), 6))
+    last = len(bvh.joints) + 2
+    helpers = Bvh(
+        joints=("root", "ik_foot_root", *bvh.joints, "ik_hand_root"),
+        parents=(-1, 0, *(shift[parent] for parent in bvh.parents), 0),
+        offsets=np.concatenate([np.zeros((2, 3)), bvh.offsets, np.zeros((1, 3))]),
+        channels=(SIX, SIX, *bvh.channels, SIX),
+        end_sites=tuple(end + 2 for end in bvh.end_sites),
+        frame_time=bvh.frame_time,
+        motion=np.concatenate([np.zeros((20, 6)), moving, bvh.motion, moving], axis=1),
+    )
+    assert len(helpers.joints) == last + 1
+    written = file.with_name("helpers.bvh")
+    written.write_text(format_file(helpers, helpers.motion))
+    return written
+
+
 def person_of(file: Path) -> tuple[Skeleton, np.ndarray]:
     person = read_partner(file, "bvh", SETTINGS, person=None, clip="")
     return person.skeleton, person.motion
@@ -58,7 +79,7 @@ def test_nodes_that_stand_still_are_no_joints_of_the_body(plain: Path) -> None:
     file = below_nodes(plain)
     bvh = read_bvh(file)
     nodes = SceneNodes.of(bvh)
-    assert nodes.count == 2
+    assert nodes.above == (0, 1)
     np.testing.assert_allclose(nodes.to_body(bvh.positions()[:, 2:]), read_bvh(plain).positions(),
                                atol=1e-4)  # fmt: skip
     (skeleton, motion), (known, _) = person_of(file), person_of(plain)
@@ -69,9 +90,9 @@ def test_nodes_that_stand_still_are_no_joints_of_the_body(plain: Path) -> None:
 
 def test_a_root_that_moves_or_branches_is_a_joint(plain: Path) -> None:
     moving = below_nodes(plain, moves=True)
-    assert SceneNodes.of(read_bvh(moving)).count == 0
+    assert SceneNodes.of(read_bvh(moving)).above == ()
     assert person_of(moving)[0].joints[:2] == ("Armature", "Reference")
-    assert SceneNodes.of(read_bvh(plain)).count == 0
+    assert SceneNodes.of(read_bvh(plain)).above == ()
 
 
 def test_a_file_that_is_written_again_keeps_its_nodes(plain: Path) -> None:
@@ -98,3 +119,20 @@ def test_a_motion_on_a_rig_moves_the_hips_and_not_its_nodes(plain: Path) -> None
     again = read_bvh(file)
     np.testing.assert_allclose(again.motion[:, :12], bvh.motion[:, :12], atol=1e-5)
     assert np.abs(person_of(file)[1] - shifted).mean() < 0.02
+
+
+def test_helpers_beside_the_body_are_no_joints_and_keep_their_motion(plain: Path) -> None:
+    file = beside_helpers(plain)
+    bvh = read_bvh(file)
+    (skeleton, motion), (known, expected) = person_of(file), person_of(plain)
+    assert skeleton.joints == known.joints
+    np.testing.assert_allclose(motion, expected, atol=1e-5)
+    joints = [bvh.joints.index(joint) for joint in skeleton.joints]
+    shifted = (motion + np.float32([0.5, 0.1, -0.4])).astype(np.float64)
+    targets = BvhTargets(joints, shifted, np.ones(motion.shape[:2]))
+    file.write_text(rewrite_bvh(file, bvh, targets, np.ones(len(bvh.joints))))
+    again = read_bvh(file)
+    assert again.joints == bvh.joints
+    np.testing.assert_allclose(again.motion[:, :12], bvh.motion[:, :12], atol=1e-5)
+    np.testing.assert_allclose(again.motion[:, -6:], bvh.motion[:, -6:], atol=1e-5)
+    np.testing.assert_allclose(person_of(file)[1], shifted, atol=2e-3)
