@@ -105,9 +105,11 @@ def _check_first_frame(pose: Motion, skeleton: Skeleton) -> None:
     ValueError
         If the stature is impossible.
     """
-    if np.isfinite(pose).all() and np.ptp(pose, axis=0).max() < MIN_BONE_LENGTH:
+    if pose.shape != (len(skeleton.joints), 3) or not np.isfinite(pose).all():
+        return  # which is said where it is answered
+    if np.ptp(pose, axis=0).max() < MIN_BONE_LENGTH:
         raise ValueError("all joints are in one place: wanted a person, from the first frame on")
-    fault = implausible([(skeleton, pose[None])], [None]) if np.isfinite(pose).all() else None
+    fault = implausible([(skeleton, pose[None])], [None])
     if fault:
         raise ValueError(f"{fault[1]}: frames are in metres, y up")
     person = PersonMotion(skeleton, np.zeros(1), pose[None])
