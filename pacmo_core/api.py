@@ -534,7 +534,8 @@ def _training_section(model: Model, settings: Mapping[str, Any]) -> dict[str, An
     default = default_settings(model.section)
     default.pop("threads")
     if "start" in default:
-        default["start"] = {"weights": "", "sha256": ""}  # a path of the checkout's experiment
+        # Not that of the checkout's experiment, which is a path there.
+        default["start"] = {**default["start"], "weights": "", "sha256": ""}
     if model.changes:
         section_of_variants, _, variant = model.changes.partition(".")
         default = merge_params(default, default_settings(section_of_variants)[variant])
