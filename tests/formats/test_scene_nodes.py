@@ -1,5 +1,6 @@
 """Truth: the same person without nodes above the hips."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,10 +30,13 @@ def plain(tmp_path: Path) -> Path:
 
 
 def below_nodes(file: Path, *, moves: bool = False) -> Path:
-    """Put an armature that is turned, and a second one, above the hips; the world stays."""
+    """Put an armature that is turned, and a second one, above the hips.
+
+    The first may move, as the root of a game's character does, and carries the person with it.
+    """
     bvh = read_bvh(file)
     motion = np.concatenate([np.tile(NODE, (len(bvh.motion), 1)), np.zeros((20, 6))], axis=1)
-    motion[:, 0] += np.arange(20) * moves
+    motion[:, :6] += np.arange(20)[:, None] * moves * np.array([0.03, 0.01, -0.02, 5, 1, -2])
     joints = ("Armature", "Reference", *bvh.joints)
     parents = (-1, 0, 1, *(parent + 2 for parent in bvh.parents[1:]))
     nodes = Bvh(
@@ -75,28 +79,33 @@ def person_of(file: Path) -> tuple[Skeleton, np.ndarray]:
     return person.skeleton, person.motion
 
 
-def test_nodes_that_stand_still_are_no_joints_of_the_body(plain: Path) -> None:
-    file = below_nodes(plain)
+@pytest.mark.parametrize("moves", [False, True])
+def test_nodes_above_the_hips_are_no_joints_of_the_body(plain: Path, *, moves: bool) -> None:
+    file = below_nodes(plain, moves=moves)
     bvh = read_bvh(file)
     nodes = SceneNodes.of(bvh)
     assert nodes.above == (0, 1)
-    np.testing.assert_allclose(nodes.to_body(bvh.positions()[:, 2:]), read_bvh(plain).positions(),
-                               atol=1e-4)  # fmt: skip
+    in_body = nodes.to_body(bvh.positions()[:, 2:])
+    np.testing.assert_allclose(nodes.body().positions(), in_body, atol=1e-4)
+    still = slice(1) if moves else slice(None)
+    np.testing.assert_allclose(in_body[still], read_bvh(plain).positions()[still], atol=1e-4)
     (skeleton, motion), (known, _) = person_of(file), person_of(plain)
     assert (skeleton.joints, skeleton.parents) == (known.joints, known.parents)
     joints = [bvh.joints.index(joint) for joint in skeleton.joints]
     np.testing.assert_allclose(motion, bvh.positions()[:, joints], atol=1e-5)
 
 
-def test_a_root_that_moves_or_branches_is_a_joint(plain: Path) -> None:
-    moving = below_nodes(plain, moves=True)
-    assert SceneNodes.of(read_bvh(moving)).above == ()
-    assert person_of(moving)[0].joints[:2] == ("Armature", "Reference")
-    assert SceneNodes.of(read_bvh(plain)).above == ()
+def test_hips_that_are_the_root_and_a_chain_without_a_body_stay(plain: Path) -> None:
+    bvh = read_bvh(plain)
+    assert SceneNodes.of(bvh).above == ()
+    chain = replace(bvh, joints=("a", "b", "c"), parents=(-1, 0, 1), offsets=np.zeros((3, 3)),
+                    channels=(SIX, SIX, SIX), end_sites=(), motion=np.zeros((2, 18)))  # fmt: skip
+    assert SceneNodes.of(chain).body().joints == chain.joints
 
 
-def test_a_file_that_is_written_again_keeps_its_nodes(plain: Path) -> None:
-    file = below_nodes(plain)
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_file_that_is_written_again_keeps_its_nodes(plain: Path, *, moves: bool) -> None:
+    file = below_nodes(plain, moves=moves)
     bvh, (skeleton, motion) = read_bvh(file), person_of(file)
     shifted = motion + np.float32([0.5, 0.1, -0.4])
     joints = [bvh.joints.index(joint) for joint in skeleton.joints]
@@ -108,16 +117,21 @@ def test_a_file_that_is_written_again_keeps_its_nodes(plain: Path) -> None:
     np.testing.assert_allclose(person_of(file)[1], shifted, atol=2e-3)
 
 
-def test_a_motion_on_a_rig_moves_the_hips_and_not_its_nodes(plain: Path) -> None:
-    file = below_nodes(plain)
+@pytest.mark.parametrize(("moves", "n_frames"), [(False, 20), (True, 20), (True, 13)])
+def test_a_motion_on_a_rig_moves_the_hips_and_not_its_nodes(
+    plain: Path, *, moves: bool, n_frames: int
+) -> None:
+    file = below_nodes(plain, moves=moves)
     bvh, (skeleton, motion) = read_bvh(file), person_of(file)
+    motion = motion[:n_frames]
     shifted = (motion + np.float32([0.5, 0, -0.4])).astype(np.float64)
     shares = np.zeros((len(skeleton.joints), len(bvh.joints)))
     shares[np.arange(len(shares)), [bvh.joints.index(joint) for joint in skeleton.joints]] = 1
     targets = PointTargets(shares, shifted, np.ones(motion.shape[:2]))
     file.write_text(write_on_rig(file, bvh, targets, skeleton, 1.0, 30))
     again = read_bvh(file)
-    np.testing.assert_allclose(again.motion[:, :12], bvh.motion[:, :12], atol=1e-5)
+    nodes = bvh.motion[:, :12] if n_frames == len(bvh.motion) else bvh.motion[:1, :12]
+    np.testing.assert_allclose(again.motion[:, :12] - nodes, 0, atol=1e-5)
     assert np.abs(person_of(file)[1] - shifted).mean() < 0.02
 
 
