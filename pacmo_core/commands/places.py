@@ -33,9 +33,9 @@ from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import (
+    RIGID,
     ancestor_bones,
     hinges,
-    neck_bends,
     scene_bone_kinds,
     trunk_bends,
     trunk_joints,
@@ -154,12 +154,11 @@ class Places:
     def _spine(self, name: str) -> Array:
         """Bends of the spine; of ``spine_change_p95`` those of bones on which both arms hang."""
         faults, is_change = self._nowhere(), name == "spine_change_p95"
-        pairs, is_rigid = trunk_bends(self.scene)
+        pairs, of_pairs = trunk_bends(self.scene)
         kinds, ancestors = scene_bone_kinds(self.scene), ancestor_bones(self.scene)
         arms = [row for row, kind in enumerate(kinds) if kind == "upper_arm"]
         n_arms = ancestors[self.scene.bones[arms, 0]].sum(axis=0)
-        necks = [] if is_change else neck_bends(self.scene).tolist()
-        for first, second in [*pairs[~is_rigid].tolist(), *necks]:
+        for first, second in pairs[of_pairs != RIGID].tolist():
             if not is_change or n_arms[second] > 1:
                 bend, joint = self._bend(first, second), self.scene.bones[second, 0]
                 faults[:, joint] = np.maximum(faults[:, joint], np.abs(bend) if is_change else bend)

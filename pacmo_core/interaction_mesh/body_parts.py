@@ -87,7 +87,7 @@ def hinges(scene: Scene) -> tuple[Indices, list[str]]:
     return np.array(pairs, dtype=np.intp).reshape(-1, 2), names
 
 
-def spine_bends(scene: Scene) -> Indices:
+def trunk_pairs(scene: Scene) -> Indices:
     """``(S, 2)``: pairs of bones of a trunk that meet at a joint."""
     kinds, bones = scene_bone_kinds(scene), scene.bones.tolist()
     trunk = [row for row, kind in enumerate(kinds) if kind == "trunk"]
@@ -101,57 +101,51 @@ def spine_bends(scene: Scene) -> Indices:
     return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
-def trunk_bends(scene: Scene) -> tuple[Indices, NDArray[np.bool_]]:
+RIGID, SPINE, NECK = "rigid", "spine", "neck"  # pairs of bones of a trunk that meet
+
+
+def trunk_bends(scene: Scene) -> tuple[Indices, NDArray[np.str_]]:
     """Return the pairs of bones whose angle a trunk allows little or no change, ``(S, 2)``.
 
-    Bones from one joint to a limb and to another joint of the trunk are one rigid part, the pelvis
-    or the chest: the second value, ``(S,)``, is true. The others follow each other from the root to
-    the arms: joints of the spine.
+    Those of necks are last. The second value, ``(S,)``, is the kind of each pair:
+
+    - ``rigid``: bones from one joint to a limb and to another joint of the trunk, in a pelvis or a
+      chest;
+    - ``spine``: bones that follow each other from the root to the arms;
+    - ``neck``: bones that follow each other from the joint at which a spine ends, away from all
+      limbs.
     """
-    bends, ancestors = spine_bends(scene), ancestor_bones(scene)
-    leads_to_limb, spine = np.zeros((2, len(scene.bones)), dtype=np.bool_)
+    pairs, starts = trunk_pairs(scene), scene.bones[:, 0]
+    first, second = pairs.T
+    leads_to_limb, carries_arms = _carried(scene)
+    is_beside = starts[first] == starts[second]
+    is_rigid = is_beside & (leads_to_limb[first] | leads_to_limb[second])
+    is_spine = ~is_beside & carries_arms[first] & leads_to_limb[second]
+    leads_away = ~is_beside & ~leads_to_limb[second]
+    neck = np.zeros(len(starts), dtype=np.bool_)
+    for _ in starts:  # one bone further each time
+        neck[second[leads_away & (carries_arms | neck)[first]]] = True
+    is_neck = leads_away & neck[second]
+    of_kinds = {RIGID: is_rigid, SPINE: is_spine, NECK: is_neck}
+    named = np.select(list(of_kinds.values()), list(of_kinds), default="")
+    kept = np.flatnonzero(named)
+    kept = np.concatenate([kept[named[kept] != NECK], kept[named[kept] == NECK]])
+    return pairs[kept], named[kept]
+
+
+def _carried(scene: Scene) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """``(E,)`` each: whether a bone leads from the root to a limb, and to both arms."""
+    kinds, ancestors = np.array(scene_bone_kinds(scene)), ancestor_bones(scene)
+    n_first = scene.n_bones[0]
+    leads_to_limb, carries_arms = np.zeros((2, len(kinds)), dtype=np.bool_)
     for kind in _UPPER_LIMBS:
-        for person in (0, 1):
-            limbs = [
-                row for row in _bones_of(scene, person) if scene_bone_kinds(scene)[row] == kind
-            ]
-            paths = ancestors[scene.bones[limbs, 0]] > 0
+        for own in (slice(None, n_first), slice(n_first, None)):
+            joints = scene.bones[own][kinds[own] == kind, 0]
+            paths = ancestors[joints] > 0
             leads_to_limb |= paths.any(axis=0)
-            if kind == "upper_arm" and limbs:
-                spine |= paths.all(axis=0)
-    first, second = bends.T
-    is_rigid = scene.bones[first, 0] == scene.bones[second, 0]
-    kept = np.where(is_rigid, leads_to_limb[first] | leads_to_limb[second], spine[first])
-    kept &= is_rigid | leads_to_limb[second]
-    return bends[kept], is_rigid[kept]
-
-
-def neck_bends(scene: Scene) -> Indices:
-    """``(S, 2)``: pairs of bones of necks that follow each other, the first beyond the arms.
-
-    A neck leads from the joint at which a spine ends away from all limbs.
-    """
-    bends, ancestors = spine_bends(scene), ancestor_bones(scene)
-    carries = np.zeros((2, len(scene.bones)), dtype=np.bool_)  # a limb; both arms
-    for person in (0, 1):
-        rows = _bones_of(scene, person)
-        for kind in _UPPER_LIMBS:
-            limbs = [row for row in rows if scene_bone_kinds(scene)[row] == kind]
-            paths = ancestors[scene.bones[limbs, 0]] > 0
-            carries[0] |= paths.any(axis=0)
-            carries[1] |= paths.all(axis=0) & (kind == "upper_arm" and len(limbs) > 0)
-    first, second = bends.T
-    follows = (scene.bones[first, 1] == scene.bones[second, 0]) & ~carries[0][second]
-    neck = np.zeros(len(scene.bones), dtype=np.bool_)
-    for _ in scene.bones:
-        neck[second[follows & (carries[1] | neck)[first]]] = True
-    found: Indices = bends[follows & neck[second]]
-    return found
-
-
-def _bones_of(scene: Scene, person: int) -> list[int]:
-    n_a = scene.n_joints[0]
-    return [row for row, (joint, _) in enumerate(scene.bones) if (joint >= n_a) == bool(person)]
+            if kind == "upper_arm" and len(joints):
+                carries_arms |= paths.all(axis=0)
+    return leads_to_limb, carries_arms
 
 
 def bone_to_joint(scene: Scene) -> dict[int, int]:

@@ -11,7 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction_mesh.body_parts import capsule_radii, hinges, neck_bends, trunk_bends
+from pacmo_core.interaction_mesh.body_parts import (
+    NECK,
+    RIGID,
+    SPINE,
+    capsule_radii,
+    hinges,
+    trunk_bends,
+)
 from pacmo_core.interaction_mesh.capsules import closest_fractions, segment_differences
 from pacmo_core.interaction_mesh.mesh import joint_distances
 from pacmo_core.interaction_mesh.scene import Array, Scene
@@ -21,9 +28,6 @@ from pacmo_core.interaction_mesh.settings import Attempt, Settings
 FLOOR_REACH = 0.4
 # Metres above the floor at which its penalty has fallen to 1/e.
 FLOOR_PENALTY_RANGE = 0.25
-# Degrees by which the whole spine of a person may bend more than in the source, over its joints.
-MAX_WHOLE_BEND = 50
-MAX_NECK_BEND = 25  # degrees, the same of a neck
 # Degrees between a knee or elbow and its largest bend, at which the penalty has fallen to 1/e: a
 # penalty on a straight limb would only slow the convergence of the body.
 HINGE_PENALTY_RANGE = 60
@@ -164,45 +168,38 @@ class AngleBounds:
 def angle_bounds(scene: Scene, settings: Settings) -> AngleBounds:
     """Bound the angles of pelvis and chest, of the spine, and of knees and elbows.
 
-    Pelvis and chest are rigid. A joint of the spine bends by at most ``max_spine_bend`` more than
-    in the source, and where a rig has many, all of a person by ``MAX_WHOLE_BEND``, shared evenly:
-    so that hips and knees give, and the back does not fold; a neck by ``MAX_NECK_BEND``. A knee or
-    elbow bends by at most ``max_hinge_bend``, or as far as in that frame of the source: limbs that
-    fold completely come out on the other side.
+    Pelvis and chest are rigid. A joint of the spine or neck bends by at most ``max_joint_bend``
+    more than in the source, and where a rig has many, all of a person's by ``max_spine_bend`` and
+    ``max_neck_bend``, shared evenly: so that hips and knees give, and the back does not fold. A
+    knee or elbow bends by at most ``max_hinge_bend``, or as far as in that frame of the source:
+    limbs that fold completely come out on the other side.
     """
-    trunk, is_rigid = trunk_bends(scene)
-    neck = neck_bends(scene)
-    trunk, is_rigid = np.concatenate([trunk, neck]), np.append(is_rigid, np.zeros(len(neck), bool))
+    trunk, kinds = trunk_bends(scene)
     limbs, _ = hinges(scene)
     trunk_angles, limb_angles = _angles(scene, trunk), _angles(scene, limbs)
-    spine_range = np.where(
-        is_rigid, 0, np.radians(_spine_ranges(scene, trunk, is_rigid, settings, len(neck)))
-    )
+    ranges = np.radians(_bend_ranges(scene, trunk, kinds, settings))
     least = np.minimum(limb_angles, np.pi - np.radians(settings.max_hinge_bend))
     above = (limb_angles - least) / np.radians(HINGE_PENALTY_RANGE)
     return AngleBounds(
         pairs=np.concatenate([trunk, limbs]),
-        least=np.concatenate([(trunk_angles - spine_range).clip(min=0), least], axis=1),
-        is_rigid=np.concatenate([is_rigid, np.zeros(len(limbs), dtype=np.bool_)]),
+        least=np.concatenate([(trunk_angles - ranges).clip(min=0), least], axis=1),
+        is_rigid=np.append(kinds == RIGID, np.zeros(len(limbs), dtype=np.bool_)),
         closeness=np.concatenate([np.ones(trunk_angles.shape), np.exp(-(above**4))], axis=1),
     )
 
 
-def _spine_ranges(
-    scene: Scene,
-    pairs: NDArray[np.intp],
-    is_rigid: NDArray[np.bool_],
-    settings: Settings,
-    n_neck: int,
+def _bend_ranges(
+    scene: Scene, pairs: NDArray[np.intp], kinds: NDArray[np.str_], settings: Settings
 ) -> Array:
-    """``(S,)`` degrees by which each pair of bones of a trunk may bend; the last are of necks."""
-    ranges = np.full(len(pairs), settings.max_spine_bend, dtype=np.float64)
+    """``(S,)`` degrees by which each pair of bones of a trunk may bend, by its kind."""
+    ranges = np.zeros(len(pairs))
     joints = scene.bones[pairs[:, 0], 1]
-    is_first, is_neck = joints < scene.n_joints[0], np.arange(len(pairs)) >= len(pairs) - n_neck
-    for of_person in (is_first, ~is_first):
-        for part, most in ((~is_rigid & ~is_neck, MAX_WHOLE_BEND), (is_neck, MAX_NECK_BEND)):
-            n_joints = len(np.unique(joints[of_person & part]))
-            ranges[of_person & part] = min(settings.max_spine_bend, most / max(n_joints, 1))
+    is_first = joints < scene.n_joints[0]
+    for kind, most in ((SPINE, settings.max_spine_bend), (NECK, settings.max_neck_bend)):
+        for of_person in (is_first, ~is_first):
+            rows = of_person & (kinds == kind)
+            n_joints = len(np.unique(joints[rows]))
+            ranges[rows] = min(settings.max_joint_bend, most / max(n_joints, 1))
     return ranges
 
 

@@ -20,8 +20,8 @@ from pacmo_core.interaction_mesh.body_parts import (
     hinges,
     is_hand,
     posture_weights,
-    spine_bends,
     trunk_joints,
+    trunk_pairs,
 )
 from pacmo_core.interaction_mesh.scene import Array, Scene
 from pacmo_core.interaction_mesh.settings import Posture, Support, Weights
@@ -117,7 +117,7 @@ def posture_term(scene: Scene, posture: Posture) -> LinearTerm:
 def hinge_term(scene: Scene, posture: Posture) -> LinearTerm:
     """Ask both bones of a knee or elbow to turn alike, so that its angle stays."""
     limbs, names = hinges(scene)
-    bends = spine_bends(scene)
+    bends = trunk_pairs(scene)
     pairs = np.concatenate([limbs, bends])
     weight_of = {"knee": posture.knee, "elbow": posture.elbow, "spine": posture.spine}
     weights = [weight_of[name] for name in (*names, *["spine"] * len(bends))]

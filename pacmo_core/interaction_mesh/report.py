@@ -13,9 +13,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.body_parts import (
+    RIGID,
     bone_to_joint,
     hinges,
-    neck_bends,
     scene_bone_kinds,
     trunk_bends,
     trunk_joints,
@@ -81,7 +81,7 @@ class Report:
     attempt : number of the attempt, from 0
     primal_residual : largest relative error of a bone length before it is set to its target
     fixed_point_residual : step of the last ADMM iteration, root mean square, relative to the
-        growth of the bones (``retargeting.step_scale``)
+        growth of the bones (``attempt.step_scale``)
     iterations : of ADMM in the attempt
     """
 
@@ -334,9 +334,9 @@ def trunk_change(scene: Scene, scales: Array, points: Array) -> Array:
 
 def spine_bend(scene: Scene, points: Array) -> Array:
     """Return ``Report.spine_bend``, (V,); zero without a spine."""
-    pairs, is_rigid = trunk_bends(scene)
+    pairs, kinds = trunk_bends(scene)
     largest = np.zeros(points.shape[-1])
-    for first, second in [*pairs[~is_rigid].tolist(), *neck_bends(scene).tolist()]:
+    for first, second in pairs[kinds != RIGID].tolist():
         bones = [_bone_vector(scene, row) for row in (first, second)]
         before, after = (
             _angle(*(_vectors(motion, bone) for bone in bones))

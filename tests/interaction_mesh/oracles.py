@@ -10,8 +10,8 @@ from pacmo_core.interaction_mesh.body_parts import (
     ancestor_bones,
     hinges,
     posture_weights,
-    spine_bends,
     trunk_joints,
+    trunk_pairs,
 )
 from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_of, energy_rhs
 from pacmo_core.interaction_mesh.mesh import (
@@ -70,7 +70,7 @@ def _posture_energy(scene: Scene, settings: Settings, displacement: Array, growt
     lengths = np.linalg.norm(scene.bone_vectors, axis=-1).mean(axis=0)
     limbs, names = hinges(scene)
     bends = [(pair, getattr(weights, name)) for pair, name in zip(limbs, names, strict=True)]
-    bends += [(pair, weights.spine) for pair in spine_bends(scene)]
+    bends += [(pair, weights.spine) for pair in trunk_pairs(scene)]
     for moved, vectors in zip(displacement, scene.bone_vectors, strict=True):
         excess = [
             moved[child] - moved[parent] - growth[e] * vectors[e]

@@ -6,6 +6,7 @@ import pytest
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import (
+    RIGID,
     ancestor_bones,
     capsule_radii,
     hinges,
@@ -98,14 +99,14 @@ def test_a_trunk_extends_from_the_root_to_hips_and_shoulders_without_limbs(skele
 @pytest.mark.parametrize("skeleton", SKELETONS, ids=lambda s: s.name)
 def test_the_bones_of_a_pelvis_or_chest_are_rigid_and_those_of_the_spine_bend(skeleton):
     source = person(skeleton)
-    pairs, is_rigid = trunk_bends(source)
+    pairs, kinds = trunk_bends(source)
     joints = np.concatenate([skeleton.joints, skeleton.joints])
     thighs = np.flatnonzero(np.array(scene_bone_kinds(source)) == "thigh")
     hips = set(joints[source.bones[thighs, 0]])
-    ends = [set(joints[source.bones[pair, 1]]) for pair in pairs[is_rigid]]
+    ends = [set(joints[source.bones[pair, 1]]) for pair in pairs[kinds == RIGID]]
     assert hips in ends
-    for (first, second), rigid in zip(source.bones[pairs], is_rigid, strict=True):
-        assert (first[0] == second[0]) if rigid else (first[1] == second[0])
+    for (first, second), kind in zip(source.bones[pairs], kinds, strict=True):
+        assert (first[0] == second[0]) if kind == RIGID else (first[1] == second[0])
         assert not any("elbow" in joints[end] or "knee" in joints[end] for end in (*first, *second))
 
 

@@ -7,10 +7,9 @@ import pytest
 
 from pacmo_core.data.skeleton import NTU25, Skeleton
 from pacmo_core.interaction_mesh import prepare, retarget
-from pacmo_core.interaction_mesh.body_parts import neck_bends, trunk_bends
+from pacmo_core.interaction_mesh.body_parts import NECK, RIGID, trunk_bends
+from pacmo_core.interaction_mesh.body_parts import SPINE as SPINE_BENDS
 from pacmo_core.interaction_mesh.constraints import (
-    MAX_NECK_BEND,
-    MAX_WHOLE_BEND,
     AngleBounds,
     Rows,
     angle_bounds,
@@ -65,12 +64,13 @@ def _distances(source: Scene, rows: Rows) -> Array:
 
 def bounds_of(source: Scene) -> AngleBounds:
     """Allow a spine to bend by 20 degrees more than in the source, a hinge by 150 in all."""
-    return angle_bounds(source, replace(SETTINGS, max_spine_bend=20, max_hinge_bend=150))
+    return angle_bounds(source, replace(SETTINGS, max_joint_bend=20, max_hinge_bend=150))
 
 
 def test_the_rows_of_a_trunk_hold_angles_within_their_range() -> None:
     source = scene(2, 5, skeletons=(SPINE, SPINE))
-    pairs, is_rigid = trunk_bends(source)
+    pairs, kinds = trunk_bends(source)
+    is_rigid = kinds == RIGID
     assert is_rigid.tolist().count(True) == 2 and is_rigid.tolist().count(False) == 6
     rows = angle_rows(source, np.ones((5, len(source.bones))), bounds_of(source))
     vectors, distances = source.bone_vectors, _distances(source, rows)
@@ -114,7 +114,8 @@ def test_a_chest_keeps_its_shape_where_the_other_body_pulls_at_it() -> None:
 
 def test_a_spine_of_bones_that_grow_differently_can_meet_its_bounds_in_every_frame() -> None:
     source = scene(7, 40, skeletons=(SPINE, SPINE))
-    pairs, is_rigid = trunk_bends(source)
+    pairs, kinds = trunk_bends(source)
+    is_rigid = kinds == RIGID
     scales = np.ones((len(source.bones), 1))
     scales[::2] = 0.6
     bounds = bounds_of(source)
@@ -180,7 +181,7 @@ def test_a_hinge_may_bend_to_its_limit_or_as_far_as_in_that_frame_of_the_source(
     assert rows.penalties[0, row] < 0.01 and rows.penalties[1, row] > 0.99
 
 
-@pytest.mark.parametrize(("n_joints", "each"), [(1, 25), (2, 25), (4, MAX_WHOLE_BEND / 4)])
+@pytest.mark.parametrize(("n_joints", "each"), [(1, 25), (2, 25), (4, 50 / 4)])
 def test_a_spine_of_many_joints_bends_no_more_as_a_whole(n_joints: int, each: float) -> None:
     names = ("root", *(f"spine_{i}" for i in range(n_joints)))
     arms = ("left_arm", "left_elbow", "right_arm", "right_elbow")
@@ -188,31 +189,31 @@ def test_a_spine_of_many_joints_bends_no_more_as_a_whole(n_joints: int, each: fl
     pairs = ((n_joints + 1, n_joints + 3), (n_joints + 2, n_joints + 4))
     body = Skeleton("chain", (*names, *arms), parents, pairs)
     source = scene(2, 5, skeletons=(body, SPINE))
-    bounds = angle_bounds(source, replace(SETTINGS, max_spine_bend=25))
-    chain, is_rigid = trunk_bends(source)
+    bounds = angle_bounds(source, replace(SETTINGS, max_joint_bend=25))
+    chain, kinds = trunk_bends(source)
     first, second = (source.bone_vectors[:, chain[:, side]] for side in (0, 1))
     lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
     # Between bones as they leave their joint; straight is a half turn.
     angles = np.pi - np.arccos((first * second).sum(axis=-1) / lengths)
     allowed = np.degrees(angles - bounds.least[:, : len(chain)])
-    of_chain = ~is_rigid & (source.bones[chain[:, 0], 1] <= n_joints)
+    of_chain = (kinds == SPINE_BENDS) & (source.bones[chain[:, 0], 1] <= n_joints)
     is_free = angles > np.radians(each)
     np.testing.assert_allclose(allowed[:, of_chain][is_free[:, of_chain]], each, atol=1e-6)
 
 
 def test_a_neck_begins_where_the_arms_leave_the_spine() -> None:
     source = scene(2, 5, skeletons=(NTU25, SPINE))
-    joints = source.bones[neck_bends(source)]
+    pairs, kinds = trunk_bends(source)
+    neck = pairs[kinds == NECK]
+    joints = source.bones[neck]
     assert sorted([NTU25.joints[joint] for joint in pair.ravel()] for pair in joints) == [
         ["spine_mid", "spine_shoulder", "spine_shoulder", "neck"],
         ["spine_shoulder", "neck", "neck", "head"],
     ]
-    bounds = angle_bounds(source, replace(SETTINGS, max_spine_bend=25))
-    pairs, _ = trunk_bends(source)
-    neck = neck_bends(source)
+    bounds = angle_bounds(source, replace(SETTINGS, max_joint_bend=25))
     first, second = (source.bone_vectors[:, neck[:, side]] for side in (0, 1))
     lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
     angles = np.pi - np.arccos((first * second).sum(axis=-1) / lengths)
-    least = bounds.least[:, len(pairs) : len(pairs) + len(neck)]
-    expected = np.maximum(angles - np.radians(MAX_NECK_BEND / 2), 0)
+    least = bounds.least[:, : len(pairs)][:, kinds == NECK]
+    expected = np.maximum(angles - np.radians(25 / 2), 0)
     np.testing.assert_allclose(least, expected, atol=1e-6)
