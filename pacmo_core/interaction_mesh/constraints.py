@@ -28,6 +28,8 @@ from pacmo_core.interaction_mesh.settings import Attempt, Settings
 FLOOR_REACH = 0.4
 # Metres above the floor at which its penalty has fallen to 1/e.
 FLOOR_PENALTY_RANGE = 0.25
+# Degrees by which all joints of a spine, or of a neck, may bend more than in the source, together.
+MAX_WHOLE_BEND = {SPINE: 50, NECK: 25}
 # Degrees between a knee or elbow and its largest bend, at which the penalty has fallen to 1/e: a
 # penalty on a straight limb would only slow the convergence of the body.
 HINGE_PENALTY_RANGE = 60
@@ -168,11 +170,11 @@ class AngleBounds:
 def angle_bounds(scene: Scene, settings: Settings) -> AngleBounds:
     """Bound the angles of pelvis and chest, of the spine, and of knees and elbows.
 
-    Pelvis and chest are rigid. A joint of the spine or neck bends by at most ``max_joint_bend``
-    more than in the source, and where a rig has many, all of a person's by ``max_spine_bend`` and
-    ``max_neck_bend``, shared evenly: so that hips and knees give, and the back does not fold. A
-    knee or elbow bends by at most ``max_hinge_bend``, or as far as in that frame of the source:
-    limbs that fold completely come out on the other side.
+    Pelvis and chest are rigid. A joint of the spine or neck bends by at most ``max_spine_bend``
+    more than in the source, and where a rig has many, all of them by ``MAX_WHOLE_BEND``, shared
+    evenly: so that hips and knees give, and the back does not fold. A knee or elbow bends by at
+    most ``max_hinge_bend``, or as far as in that frame of the source: limbs that fold completely
+    come out on the other side.
     """
     trunk, kinds = trunk_bends(scene)
     limbs, _ = hinges(scene)
@@ -195,11 +197,11 @@ def _bend_ranges(
     ranges = np.zeros(len(pairs))
     joints = scene.bones[pairs[:, 0], 1]
     is_first = joints < scene.n_joints[0]
-    for kind, most in ((SPINE, settings.max_spine_bend), (NECK, settings.max_neck_bend)):
+    for kind, most in MAX_WHOLE_BEND.items():
         for of_person in (is_first, ~is_first):
             rows = of_person & (kinds == kind)
             n_joints = len(np.unique(joints[rows]))
-            ranges[rows] = min(settings.max_joint_bend, most / max(n_joints, 1))
+            ranges[rows] = min(settings.max_spine_bend, most / max(n_joints, 1))
     return ranges
 
 

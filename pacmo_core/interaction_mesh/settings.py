@@ -150,9 +150,8 @@ class Settings:
     separation_stiffness, contact_stiffness : of the elastic bounds between the bodies, to be
         compared with ``weights.contact``; pairs that cannot be kept give way by the forces on them
         over this stiffness
-    max_joint_bend : degrees by which a joint of spine or neck may bend more than in the source;
+    max_spine_bend : degrees by which a joint of spine or neck may bend more than in the source;
         pelvis and chest are rigid
-    max_spine_bend, max_neck_bend : degrees by which all joints of a spine, and of a neck, may
     max_hinge_bend : degrees by which a knee or elbow may bend, from straight, where it does not
         bend further in the source
     n_pairs : largest number of pairs of bones that are separated in each frame, and of pairs of
@@ -175,9 +174,7 @@ class Settings:
     floor_penalty: float
     separation_stiffness: float
     contact_stiffness: float
-    max_joint_bend: float
     max_spine_bend: float
-    max_neck_bend: float
     max_hinge_bend: float
     n_pairs: int
     near_distance: float

@@ -10,6 +10,7 @@ from pacmo_core.interaction_mesh import prepare, retarget
 from pacmo_core.interaction_mesh.body_parts import NECK, RIGID, trunk_bends
 from pacmo_core.interaction_mesh.body_parts import SPINE as SPINE_BENDS
 from pacmo_core.interaction_mesh.constraints import (
+    MAX_WHOLE_BEND,
     AngleBounds,
     Rows,
     angle_bounds,
@@ -64,7 +65,7 @@ def _distances(source: Scene, rows: Rows) -> Array:
 
 def bounds_of(source: Scene) -> AngleBounds:
     """Allow a spine to bend by 20 degrees more than in the source, a hinge by 150 in all."""
-    return angle_bounds(source, replace(SETTINGS, max_joint_bend=20, max_hinge_bend=150))
+    return angle_bounds(source, replace(SETTINGS, max_spine_bend=20, max_hinge_bend=150))
 
 
 def test_the_rows_of_a_trunk_hold_angles_within_their_range() -> None:
@@ -181,7 +182,9 @@ def test_a_hinge_may_bend_to_its_limit_or_as_far_as_in_that_frame_of_the_source(
     assert rows.penalties[0, row] < 0.01 and rows.penalties[1, row] > 0.99
 
 
-@pytest.mark.parametrize(("n_joints", "each"), [(1, 25), (2, 25), (4, 50 / 4)])
+@pytest.mark.parametrize(
+    ("n_joints", "each"), [(1, 25), (2, 25), (4, MAX_WHOLE_BEND[SPINE_BENDS] / 4)]
+)
 def test_a_spine_of_many_joints_bends_no_more_as_a_whole(n_joints: int, each: float) -> None:
     names = ("root", *(f"spine_{i}" for i in range(n_joints)))
     arms = ("left_arm", "left_elbow", "right_arm", "right_elbow")
@@ -189,7 +192,7 @@ def test_a_spine_of_many_joints_bends_no_more_as_a_whole(n_joints: int, each: fl
     pairs = ((n_joints + 1, n_joints + 3), (n_joints + 2, n_joints + 4))
     body = Skeleton("chain", (*names, *arms), parents, pairs)
     source = scene(2, 5, skeletons=(body, SPINE))
-    bounds = angle_bounds(source, replace(SETTINGS, max_joint_bend=25))
+    bounds = angle_bounds(source, replace(SETTINGS, max_spine_bend=25))
     chain, kinds = trunk_bends(source)
     first, second = (source.bone_vectors[:, chain[:, side]] for side in (0, 1))
     lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
@@ -210,10 +213,10 @@ def test_a_neck_begins_where_the_arms_leave_the_spine() -> None:
         ["spine_mid", "spine_shoulder", "spine_shoulder", "neck"],
         ["spine_shoulder", "neck", "neck", "head"],
     ]
-    bounds = angle_bounds(source, replace(SETTINGS, max_joint_bend=25))
+    bounds = angle_bounds(source, replace(SETTINGS, max_spine_bend=25))
     first, second = (source.bone_vectors[:, neck[:, side]] for side in (0, 1))
     lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
     angles = np.pi - np.arccos((first * second).sum(axis=-1) / lengths)
     least = bounds.least[:, : len(pairs)][:, kinds == NECK]
-    expected = np.maximum(angles - np.radians(25 / 2), 0)
+    expected = np.maximum(angles - np.radians(MAX_WHOLE_BEND[NECK] / 2), 0)
     np.testing.assert_allclose(least, expected, atol=1e-6)
