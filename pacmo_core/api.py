@@ -58,7 +58,7 @@ from pacmo_core.reaction.inference import PACKAGED, finish_reactions, react_all
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
-    is_deterministic,
+    gives_one,
     set_temperature,
 )
 from pacmo_core.store.files import default_params_file, merge_params, write_text
@@ -317,7 +317,7 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
     person : ``a`` or ``b``, who is the partner in a clip; the other's motion is not read
     action : of the interaction, a label that the model was trained with or words of one; empty
         where it is not known
-    n_samples : how many; 1 for a deterministic model
+    n_samples : how many; 1 for a deterministic model, and at temperature 0
     random_seed : of the noise
     temperature : standard deviation of the noise, below 1 for more alike and usual reactions; None
         for the model's
@@ -346,8 +346,6 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
     loaded = load_reaction_model(chosen) if isinstance(chosen, str | Path) else chosen
     if not isinstance(loaded, ReactionModel):
         raise TypeError(f"model must generate reactions; got {type(model).__name__}")
-    if is_deterministic(loaded) and n_samples != 1:
-        raise ValueError(f"n_samples must be 1 for a deterministic model; got {n_samples}")
     seen = _in_joints(partner, person, loaded.skeleton)
     random = torch.Generator().manual_seed(random_seed)
     seen_motion = PartnerMotion(seen.motion, seen.times, seen.times, action)
@@ -356,9 +354,10 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
         (motions,) = react_all(loaded, [seen_motion], n_samples=samples, random=random)
         return finish_reactions(loaded, seen_motion, motions) if finish else motions
 
-    if touch and is_deterministic(loaded):
-        raise ValueError(f"touch must be empty for a deterministic model; got {touch!r}")
     with _at_temperature(loaded, temperature):
+        if gives_one(loaded) and (touch or n_samples != 1):
+            wanted = f"n_samples must be 1 and touch empty; got {n_samples} and {touch!r}"
+            raise ValueError(f"a deterministic model, or temperature 0, has one reaction: {wanted}")
         motions = _touching(draw, touch, n_samples, seen) if touch else draw(n_samples)
     return [Interaction(seen.skeleton, seen.times, seen.motion, motion) for motion in motions]
 

@@ -99,9 +99,14 @@ def test_a_person_is_loaded_from_a_bvh_file_and_reacted_to(tmp_path):
 def test_a_temperature_of_0_gives_one_reaction_and_leaves_the_model_as_it_was(clips):
     model = pacmo_core.train("pacmo", clips, **SMALL)
     before = pacmo_core.react(model, clips[0])[0].person_b
-    first, second = pacmo_core.react(model, clips[0], n_samples=2, temperature=0)
-    # In a batch sums are rounded otherwise.
-    np.testing.assert_allclose(first.person_b, second.person_b, atol=1e-4)
+    first, second = (
+        pacmo_core.react(model, clips[0], random_seed=seed, temperature=0)[0].person_b
+        for seed in (1, 2)
+    )
+    np.testing.assert_array_equal(first, second)
+    for wrong in ({"n_samples": 2}, {"touch": "hands"}):
+        with pytest.raises(ValueError, match="temperature 0, has one reaction"):
+            pacmo_core.react(model, clips[0], temperature=0, **wrong)
     np.testing.assert_array_equal(pacmo_core.react(model, clips[0])[0].person_b, before)
     with pytest.raises(ValueError, match="action must be empty"):
         pacmo_core.react(model, clips[0], action="hug", temperature=0.5)
@@ -144,9 +149,7 @@ def test_a_capture_of_two_people_is_refused_in_the_words_of_python(clips, tmp_pa
 def test_a_model_without_noise_has_no_temperature(clips, regression):
     with pytest.raises(ValueError, match="the model has no noise"):
         pacmo_core.react(regression, clips[0], temperature=0.5)
-    with pytest.raises(
-        ValueError, match="touch must be empty for a deterministic model; got 'body'"
-    ):
+    with pytest.raises(ValueError, match="n_samples must be 1 and touch empty; got 1 and 'body'"):
         pacmo_core.react(regression, clips[0], touch="body")
 
 

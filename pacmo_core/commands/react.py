@@ -65,13 +65,13 @@ from pacmo_core.metrics.touching import (
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
-from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
     action_index,
+    gives_one,
     is_deterministic,
     known_actions,
     max_duration,
@@ -430,7 +430,7 @@ def _chosen(
         return sampling.draw_all(samples)
     if samples > MAX_DRAWN:
         raise CommandError(f"{', '.join(tests)}: --samples must be 1 to {MAX_DRAWN}; got {samples}")
-    if _gives_one(sampling.model):
+    if gives_one(sampling.model):
         raise CommandError(f"{', '.join(tests)}: there is one reaction to choose from")
     kept, drawn, passed = draw_until(sampling.draw, tests, samples)
     names = [f"{name} ({number})" if len(tests) > 1 else name for name, number in passed.items()]
@@ -445,13 +445,6 @@ def _chosen(
         raise CommandError(f"{text}; wanted {samples}{fewer}")
     typer.echo(f"{text}; the others are dropped")
     return np.concatenate(kept)
-
-
-def _gives_one(model: ReactionModel) -> bool:
-    """Whether a model has one reaction to a partner: it takes no noise, or none of it."""
-    return is_deterministic(model) or (
-        isinstance(model, Generator) and not float(model.temperature)
-    )
 
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:

@@ -263,6 +263,11 @@ def is_deterministic(model: ReactionModel) -> bool:
     return isinstance(model, Gru) or not model.config.noise_channels
 
 
+def gives_one(model: ReactionModel) -> bool:
+    """Whether a model has one reaction to a partner: it takes no noise, or its temperature is 0."""
+    return is_deterministic(model) or (not isinstance(model, Gru) and not float(model.temperature))
+
+
 def set_temperature(model: ReactionModel, temperature: float) -> None:
     """Set the standard deviation of the noise that reactions are sampled from.
 
