@@ -30,6 +30,7 @@ from pacmo_core.interaction_mesh.constraints import Floor, Rows
 from pacmo_core.interaction_mesh.factorisation import Factorisation
 from pacmo_core.interaction_mesh.linear_algebra import (
     column_groups,
+    padded_columns,
     padded_width,
     pair_frames,
     to_blocks,
@@ -432,7 +433,7 @@ def solve_admm(
     The result of a body does not depend on the other bodies.
     """
     n_bodies = len(start.step_scale)
-    columns = np.resize(np.arange(n_bodies), padded_width(n_bodies))
+    columns = padded_columns(n_bodies)
     active = np.arange(len(columns)) < n_bodies  # the others only pad
     state = _initial_state(start)
     solution, work = _empty_solution(start), state.workspace()
@@ -472,7 +473,7 @@ def _measure(state: State, step_scale: Array, tolerance: float) -> Array:
 
 
 def _initial_state(start: AdmmStart) -> State:
-    bodies = np.resize(np.arange(len(start.step_scale)), padded_width(len(start.step_scale)))
+    bodies = padded_columns(len(start.step_scale))
     governing = start.governing.take(bodies, axis=-1)
     energy_rhs = start.energy_rhs.take(bodies, axis=-1)
     return State(

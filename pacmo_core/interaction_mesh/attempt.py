@@ -25,7 +25,7 @@ from pacmo_core.interaction_mesh.factorisation import bone_stiffness, factorise
 from pacmo_core.interaction_mesh.linear_algebra import (
     COLUMN_WIDTH,
     from_blocks,
-    padded_width,
+    padded_columns,
     pair_frames,
     single_blas_thread,
     to_blocks,
@@ -218,9 +218,7 @@ def run_attempt(
     previous: list[AttemptResult | None],
 ) -> list[AttemptResult]:
     """Run an attempt for bodies (V, E); return the better of it and the previous."""
-    # Padded to full width: sums along few columns round differently, and the result of a body must
-    # not depend on the others.
-    columns = np.resize(np.arange(len(scales)), padded_width(len(scales)))
+    columns = padded_columns(len(scales))
     scales = scales[columns]
     start = _attempt_start(window, scales, common, number, previous)
     solution = _solve_attempt(window, start, number, columns)

@@ -38,6 +38,15 @@ def padded_width(n_columns: int) -> int:
     return -(-n_columns // COLUMN_WIDTH) * COLUMN_WIDTH
 
 
+def padded_columns(n_columns: int) -> NDArray[np.intp]:
+    """Return columns that fill the padded width: all, then again from the first.
+
+    Sums along few columns round differently, and the result of a body must not depend on how many
+    others there are.
+    """
+    return np.resize(np.arange(n_columns), padded_width(n_columns))
+
+
 def batched_product(matrix: Real, columns: Real) -> Real:
     """Multiply ``(R, N)`` with ``(N, C)``, ``COLUMN_WIDTH`` columns at a time.
 

@@ -21,7 +21,7 @@ from pacmo_core.interaction_mesh.attempt import (
     project_bone_lengths,
     solve_bodies,
 )
-from pacmo_core.interaction_mesh.linear_algebra import padded_width, single_blas_thread
+from pacmo_core.interaction_mesh.linear_algebra import padded_columns, single_blas_thread
 from pacmo_core.interaction_mesh.mesh import ground_supports, support_weights
 from pacmo_core.interaction_mesh.report import Report, measure_limited, measure_unlimited
 from pacmo_core.interaction_mesh.scene import (
@@ -155,8 +155,7 @@ def _solve_windows(
     vectors = total[:, scene.bones[:, 1]] - total[:, scene.bones[:, 0]]
     limits = source.settings.limits
     worst = [max(parts, key=lambda q: q.limit_ratio(limits)) for parts in qualities]
-    # Padded as the attempts are: sums along few columns round differently.
-    columns = np.resize(np.arange(len(scales)), padded_width(len(scales)))
+    columns = padded_columns(len(scales))
     padded = scales[columns]
     displacement, vectors = displacement.take(columns, axis=-1), vectors.take(columns, axis=-1)
     supports = support_weights(source.is_support, scene.fps, source.settings.support.fade_time)
@@ -193,8 +192,7 @@ def _variations(
 ) -> Variations:
     """Scale motions (T, N, 3, V) as a whole, and measure them."""
     scene, settings = source.scene, source.settings
-    # Padded as the attempts are: sums along few columns round differently.
-    columns = np.resize(np.arange(len(rows)), padded_width(len(rows)))
+    columns = padded_columns(len(rows))
     padded, motions = scales[rows][columns], motions.take(columns, axis=-1)
     common = common_scale(scene, padded)
     with single_blas_thread():
