@@ -44,6 +44,7 @@ from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.mesh import support_steps
 from pacmo_core.interaction_mesh.report import (
     MEDIAN_SECONDS,
+    PERCENTILE,
     bend_flips,
     mean_accelerations,
     seam_ratios,
@@ -270,8 +271,8 @@ class Places:
                     np.linalg.norm(motion[:, i] - motion[:, j], axis=-1)
                     for motion in (self.motion, expected)
                 )
-                ratio = float(np.median(own / np.maximum(wanted, TINY)))
-                worst = max(worst, (abs(ratio - 1), i, j))
+                errors = np.abs(own / np.maximum(wanted, TINY) - 1)
+                worst = max(worst, (float(np.percentile(errors, PERCENTILE)), i, j))
         _, i, j = worst
         return f"person {self._whose(i)}, {self._name(i)} and {self._name(j)}"
 

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
+from scipy.interpolate import make_interp_spline
 
 from pacmo_core.commands.doubts import doubts
 from pacmo_core.data.limits import printable
@@ -43,6 +45,7 @@ from pacmo_core.formats.registry import (
     format_of,
     read_partner,
 )
+from pacmo_core.formats.resample import with_missing
 from pacmo_core.formats.rigs import RIGS
 from pacmo_core.project.workspace import CommandError
 
@@ -363,7 +366,34 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
         typer.echo(printable(line))
     for line in doubts([source.file for source in sources], people):
         typer.echo(printable(line), err=True)
-    return [ReadPerson(person, of_file) for person, of_file in zip(people, used, strict=True)]
+    lines = [_missing_line(source.file, one) for source, one in zip(sources, people, strict=True)]
+    for line in dict.fromkeys(filter(None, lines)):
+        typer.echo(printable(line), err=True)
+    return [ReadPerson(_filled(one), of_file) for one, of_file in zip(people, used, strict=True)]
+
+
+def _missing_line(file: Path, person: PersonMotion) -> str:
+    """Say how many frames are missing in a capture of times; empty if none is."""
+    n_missing = len(with_missing(person.times)) - len(person.times)
+    if not n_missing:
+        return ""
+    first = person.times[np.diff(person.times).argmax()] - person.times[0]
+    return (
+        f"{file}: {n_missing} frames are missing, most after {first:.3g} s; "
+        "they are filled straight between those around"
+    )
+
+
+def _filled(person: PersonMotion) -> PersonMotion:
+    """Fill missing frames: a file of a frame rate would play those that follow too early.
+
+    Straight between the frames around: a curve through noisy frames swings in a long gap.
+    """
+    at = with_missing(person.times)
+    if len(at) == len(person.times):
+        return person
+    filled = make_interp_spline(person.times, person.motion.astype(np.float64), k=1)(at)
+    return replace(person, times=at, motion=filled.astype(np.float32))
 
 
 def _check_clip(sources: Sequence[Source], clip: str) -> None:

@@ -55,6 +55,21 @@ def resample(motion: Motion, times: NDArray[np.float64], at: NDArray[np.float64]
     return resampled
 
 
+def with_missing(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the times of frames ``(T,)`` and of those that are missing between them, ``(N,)``.
+
+    Frames are missing where the next one comes later by 1.5 or more of the usual step; so many as
+    divide that time most nearly into such steps.
+    """
+    if len(times) < 3:
+        return times
+    steps = np.diff(times)
+    counts = np.rint(steps * frame_rate(times)).clip(1).astype(int)
+    parts = [np.linspace(start, start + step, count, endpoint=False)
+             for start, step, count in zip(times[:-1], steps, counts, strict=True)]  # fmt: skip
+    return np.append(np.concatenate(parts), times[-1])
+
+
 def from_y_up(motion: Motion, up: str) -> Motion:
     """Rotate ``(..., 3)`` from y up to another upward axis: the inverse of ``base.to_y_up``.
 

@@ -60,8 +60,9 @@ class Report:
     support_height_error : metres, mean over frames: height of the lowest supporting joint, against
         the source's
     below_floor : metres, depth of the lowest joint below the person's lowest in the source
-    trunk_change : largest relative error of a distance between two joints of the trunk, median over
-        frames, against bones that are scaled along their own directions
+    trunk_change : largest relative error of a distance between two joints of the trunk, against
+        bones that are scaled along their own directions; 95th percentile over frames, as hips may
+        close for a while
     spine_bend : degrees, largest over frames: by which a joint of the spine bends more than in the
         source
     added_foot_skate : metres per second, mean horizontal speed of supporting joints in addition to
@@ -328,7 +329,8 @@ def trunk_change(scene: Scene, scales: Array, points: Array) -> Array:
             ratios = _lengths(points[:, i] - points[:, j]) / np.maximum(
                 _lengths(expected[:, i] - expected[:, j]), shortest
             )
-            largest = np.maximum(largest, np.abs(np.median(ratios, axis=0) - 1))
+            changes = np.percentile(np.abs(ratios - 1), PERCENTILE, axis=0)
+            largest = np.maximum(largest, changes)
     return largest
 
 

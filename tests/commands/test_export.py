@@ -152,6 +152,25 @@ def test_a_table_is_a_capture_again_within_a_micrometre(
         np.testing.assert_allclose(found["person_b"], CLIP.person_b, atol=1e-6)
 
 
+def test_a_table_that_lacks_frames_is_written_at_their_times(tmp_path: Path) -> None:
+    kept = np.delete(np.arange(31), [10, 11, 12])
+    lossy = Interaction(NTU25, CLIP.times[kept], CLIP.person_a[kept], CLIP.person_b[kept])
+    with write_motions(tmp_path / "lossy.parquet", NTU25) as writer:
+        writer.add("lossy", lossy)
+    assert export("lossy.parquet:lossy", "--out", "lossy.npz").exit_code == 0
+    said = export("lossy.npz", "--out", "x.bvh")
+    assert said.exit_code == 0, said.output
+    assert said.stderr.count("lossy.npz: 3 frames are missing, most after 0.3 s") == 1
+    assert "31 frames at 30 frames a second" in said.stdout
+    whole = BvhPairs(
+        preset="pair", unit=1.0, up="y", fps=None, end_sites=False, skip_frames=0,
+        max_root_distance=None,
+    )  # fmt: skip
+    (found,) = whole.find(tmp_path)
+    roots = whole.read(found).interaction.person_a[kept, 0]
+    np.testing.assert_allclose(roots, lossy.person_a[:, 0], atol=1e-3)
+
+
 @pytest.mark.parametrize("ending", [".npz", ".csv", ".parquet"])
 def test_a_person_alone_stays_alone_in_a_table(tmp_path: Path, ending: str) -> None:
     (tmp_path / "x.bvh").write_text(format_bvh(CLIP.person_a, FPS, NTU25))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.finish.balance import MAX_LEAN, keep_over_feet
+from pacmo_core.finish.balance import MAX_LEAN, MAX_LEAN_WALKING, keep_over_feet
 from pacmo_core.finish.bones import leg_joints, leg_length, median_lengths
 from tests.reaction.problems import REST
 from tests.strategies import SMALL
@@ -29,7 +29,7 @@ def leaning(ahead: float, aside: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize("ahead", [0.3, -0.2])
 def test_a_body_ahead_of_both_feet_moves_back_to_them(ahead: float) -> None:
     given = leaning(ahead)
-    found = keep_over_feet(given, BOTH, LENGTHS, FPS, SBU15)
+    found = keep_over_feet(given, given, BOTH, LENGTHS, FPS, SBU15)
     expected = given[:, BODY] - [0, 0, ahead - np.sign(ahead) * MOST]
     np.testing.assert_allclose(found[:, BODY], expected, atol=1e-9)
     np.testing.assert_array_equal(found[:, LEGS], given[:, LEGS])
@@ -39,22 +39,40 @@ def test_a_body_that_is_over_the_line_between_its_feet_stays() -> None:
     wide = leaning(0.5 * MOST, 0.2)
     for foot, x in zip(FEET, (0.3, -0.3), strict=True):
         wide[:, foot] = [x, 0.1, 0]
-    found = keep_over_feet(wide, BOTH, LENGTHS, FPS, SBU15)
+    found = keep_over_feet(wide, wide, BOTH, LENGTHS, FPS, SBU15)
     np.testing.assert_allclose(found, wide, atol=1e-9)
 
 
-def test_a_body_on_one_foot_stays_as_does_one_without_legs() -> None:
-    given = leaning(0.3)
-    np.testing.assert_array_equal(keep_over_feet(given, LEFT, LENGTHS, FPS, SBU15), given)
+def test_a_body_without_legs_stays() -> None:
     small = np.zeros((90, len(SMALL.joints), 3))
     lengths = np.ones(len(SMALL.bones))
-    assert keep_over_feet(small, BOTH, lengths, FPS, SMALL) is small
+    assert keep_over_feet(small, small, BOTH, lengths, FPS, SMALL) is small
 
 
-def test_a_body_comes_back_without_a_jump() -> None:
+def test_a_body_on_one_foot_may_lean_further() -> None:
     given = leaning(0.3)
-    late = BOTH & (np.arange(90) >= 45)
-    found = keep_over_feet(given, late, LENGTHS, FPS, SBU15)
-    steps = np.abs(np.diff(found[:, SBU15.root, 2]))
-    assert steps.max() * FPS < 0.6  # m/s
-    assert found[0, SBU15.root, 2] == pytest.approx(given[0, SBU15.root, 2], abs=1e-3)
+    found = keep_over_feet(given, given, LEFT, LENGTHS, FPS, SBU15)
+    most = MAX_LEAN_WALKING * leg_length(LENGTHS, SBU15)
+    np.testing.assert_allclose(found[:, SBU15.root], given[:, SBU15.root] - [0, 0, 0.3 - most])
+
+
+def test_a_body_comes_to_where_its_feet_will_stand() -> None:
+    given = leaning(0)
+    placed = given.copy()
+    placed[:, FEET, 2] += 0.2
+    found = keep_over_feet(given, placed, BOTH, LENGTHS, FPS, SBU15)
+    np.testing.assert_allclose(found[:, BODY], given[:, BODY] + [0, 0, 0.2 - MOST], atol=1e-9)
+    np.testing.assert_array_equal(found[:, LEGS], given[:, LEGS])
+
+
+def test_a_body_that_leans_for_a_moment_comes_back_without_a_jump() -> None:
+    given = leaning(0)
+    bump = 0.3 * np.exp(-(((np.arange(90) - 45) / 12) ** 2))
+    given[:, BODY, 2] += bump[:, None]
+    found = keep_over_feet(given, given, BOTH, LENGTHS, FPS, SBU15)[:, SBU15.root, 2]
+    before = given[:, SBU15.root, 2]
+    middle = before[0]
+    assert found.max() - middle < 1.5 * MOST < 0.5 * bump.max()
+    speeds = [np.abs(np.diff(path)).max() * FPS for path in (found, before)]
+    assert speeds[0] < speeds[1]
+    assert found[0] == pytest.approx(before[0], abs=1e-3)

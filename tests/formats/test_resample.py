@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pacmo_core.formats.base import to_y_up
-from pacmo_core.formats.resample import frame_rate, from_y_up, resample, sample_times
+from pacmo_core.formats.resample import frame_rate, from_y_up, resample, sample_times, with_missing
 
 TIMES = np.sort(np.random.default_rng(0).uniform(0, 2, 30))
 
@@ -71,3 +71,12 @@ def test_turning_to_z_up_undoes_what_reading_does() -> None:
 def test_the_frame_rate_is_that_of_most_frames() -> None:
     times = np.delete(np.arange(50) / 25.0, [7, 8, 30])  # frames that a camera lost
     assert frame_rate(times) == pytest.approx(25)
+
+
+@pytest.mark.parametrize("lost", [[], [7], [7, 8, 30], [1, 2, 3, 4, 48]])
+def test_missing_frames_are_found_where_a_camera_lost_them(lost: list[int]) -> None:
+    times = 3 + np.arange(50) / 25.0
+    jitter = np.random.default_rng(3).uniform(-0.004, 0.004, 50)
+    np.testing.assert_allclose(with_missing(np.delete(times, lost)), times, atol=1e-12)
+    assert len(with_missing(np.delete(times + jitter, lost))) == 50
+    np.testing.assert_array_equal(with_missing(times[[0, 9]]), times[[0, 9]])
