@@ -66,7 +66,7 @@ from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
 from pacmo_core.reaction.inference import finish_reactions, react_all
-from pacmo_core.reaction.stream import ReactionStream
+from pacmo_core.reaction.stream import ReactionStream, UnusableFrameError
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
@@ -82,18 +82,23 @@ from pacmo_core.reaction.windows import (
 
 
 def react_to_lines(lines: Iterable[str], live: ReactionStream, skeleton: Skeleton) -> Iterator[str]:
-    """Yield the reaction to each line in the format of the line: JSON, or numbers."""
-    is_first = True
+    """Yield the reaction to each line in the format of the line: JSON, or numbers.
+
+    A frame that is late, repeated or not tracked has the reaction of the one before, and a warning.
+    """
+    reactions: Motion | None = None
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         try:
             time, pose, as_json = _parse_frame(line, len(skeleton.joints))
-            if is_first:
+            if reactions is None:
                 _check_first_frame(pose, skeleton)
-            is_first, reactions = False, live.react(pose, time)
+            reactions = live.react(pose, time)
         except (ValueError, KeyError, TypeError, ArithmeticError, RecursionError) as fault:
-            raise CommandError(f"line {number}: {fault}") from fault
+            if reactions is None or not isinstance(fault, UnusableFrameError):
+                raise CommandError(f"line {number}: {fault}") from fault
+            typer.echo(f"line {number}: {fault}; the reaction stays as it was", err=True)
         yield _json(time, reactions) if as_json else _numbers(time, reactions)
 
 

@@ -28,7 +28,7 @@ N_PADDING_POSES = 32
 # noise in the heading of a single pose would rotate all that is transformed to its frame.
 FRAME_SMOOTHING = 0.1
 N_FRAME_POSES = 9
-MAX_PAUSE = 60.0  # seconds between frames: the noise is computed for the time between them
+MAX_PAUSE = 60.0  # seconds between frames, after which a stream begins anew
 # Metres a second beside the root beyond which a joint of a live partner was not tracked: hands
 # reach half of it in a punch. It is kept where it was beside the root.
 MAX_JOINT_SPEED = 15.0
@@ -37,13 +37,17 @@ MAX_JOINT_SPEED = 15.0
 MAX_STEP = 0.25
 
 
+class UnusableFrameError(ValueError):
+    """A frame of a live partner that can be left out: late, repeated, or not tracked."""
+
+
 class ReactionStream:
     """React to each frame of a partner at the end of a sliding window.
 
     The window has the mean duration of the training clips. Its frame of reference is that of the
     mean pose around its start, which changes smoothly, and its noise is a random field of absolute
     time: so reactions are continuous. Before the first frame the partner is assumed to stand still,
-    and to move straight on while frames are missing.
+    and to move straight on while frames are missing; after a minute without any it begins anew.
 
     Parameters
     ----------
@@ -87,14 +91,16 @@ class ReactionStream:
         Raises
         ------
         ValueError
-            If the pose has another shape or is not finite, or the time is not later than the last.
+            If the pose has another shape, or the time is not finite.
+        UnusableFrameError
+            If the pose is not finite, or the time not later than the last; later frames may follow.
         """
         shape = (len(self._model.skeleton.joints), 3)
         if pose.shape != shape:
             raise ValueError(f"a pose must be {shape} numbers; got {pose.shape}")
         if not np.isfinite(pose).all():
             joint = self._model.skeleton.joints[np.argwhere(~np.isfinite(pose))[0, 0]]
-            raise ValueError(f"a pose must be of finite numbers; that of {joint} is not")
+            raise UnusableFrameError(f"a pose must be of finite numbers; that of {joint} is not")
         if not np.isfinite(time):
             raise ValueError(f"time must be finite; got {time}")
         self._append(pose, time)
@@ -115,6 +121,8 @@ class ReactionStream:
         return query.frame.to_world(local.reshape(*local.shape[:2], joints, 3))
 
     def _append(self, pose: NDArray[np.float32], time: float) -> None:
+        if self._frames and time > self._frames[-1][0] + MAX_PAUSE:
+            self._frames.clear()
         if not self._frames:
             self._start = time
             padding = np.linspace(
@@ -122,9 +130,8 @@ class ReactionStream:
             )
             self._frames.extend((float(earlier), pose) for earlier in padding)
         last, pose_before = self._frames[-1]
-        if not last < time <= last + MAX_PAUSE:
-            wanted = f"time must be later than {last:g} s, by {MAX_PAUSE:g} s at most"
-            raise ValueError(f"{wanted}; got {time:g}")
+        if time <= last:
+            raise UnusableFrameError(f"time must be later than {last:g} s; got {time:g}")
         pose = self._tracked(pose, pose_before, time - last)
         n_steps = int(np.ceil((time - last) / MAX_STEP))
         for share in np.arange(1, n_steps) / n_steps:

@@ -1,6 +1,7 @@
 """Truth: the folder that ``--out`` names, and one line on stderr with exit code 1."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -129,12 +130,25 @@ def test_a_frame_that_is_none_is_refused_with_its_line(
     assert result.stderr.splitlines()[-1].startswith("pacmo: line 1: ")
 
 
-def test_frames_of_a_stream_a_day_apart_are_refused(weights: Path) -> None:  # noqa: F811
-    pose = " ".join(f"{x:.4f}" for x in CLIP.person_a[0].reshape(-1).tolist())
+def test_a_stream_goes_on_after_frames_that_are_late_or_lost_and_after_a_day(
+    weights: Path,  # noqa: F811
+) -> None:
+    poses = [" ".join(f"{x:.4f}" for x in pose.reshape(-1)) for pose in CLIP.person_a[:3]]
+    lost = poses[0].replace(poses[0].split()[0], "nan", 1)
+    frames = [(0, poses[0]), (0.1, poses[1]), (0.1, poses[2]), (0.05, poses[0]), (0.2, lost),
+              (86400, poses[0])]  # fmt: skip
     words = ["react", "--stream", "--weights", str(weights)]
-    result = CliRunner().invoke(app, words, input=f"0 {pose}\n86400 {pose}\n")
-    assert result.exit_code == 1
-    assert "line 2: time must be later than 0 s, by 60 s at most" in result.stderr
+    text = "".join(f"{time} {pose}\n" for time, pose in frames)
+    result = CliRunner().invoke(app, words, input=text)
+    assert result.exit_code == 0, result.output
+    for line, fault in ((3, "later than 0.1 s; got 0.1"), (4, "got 0.05"), (5, "finite numbers")):
+        assert re.search(rf"line {line}: .*{fault}.*the reaction stays as it was", result.stderr)
+    answers = [line.split() for line in result.stdout.splitlines()]
+    assert [float(answer[0]) for answer in answers] == [time for time, _ in frames]
+    assert all(answer[1:] == answers[1][1:] for answer in answers[2:5])
+    np.testing.assert_allclose(  # as at the beginning, but for the noise
+        np.array(answers[5][1:], float), np.array(answers[0][1:], float), atol=1.0
+    )
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "bvh", "skeleton"])
