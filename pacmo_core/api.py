@@ -426,7 +426,8 @@ def evaluate(
     Parameters
     ----------
     real, generated : n clips each, ``person_a`` the partner, at the same times; two mappings are
-        paired by name, sequences by order
+        paired by name, sequences by order. Of other joints than the generated ones, the real ones
+        are expressed in these, as ``react`` does
     extractor : the auto-encoder of the features; None to train one on ``real``
     random_seed : of the extractor and of the pairs of the diversity
     settings : of the extractor's training, such as ``n_epochs=20``
@@ -446,10 +447,11 @@ def evaluate(
         _check_clips(name, clips, least=2)
         for name, clips in (("real", real), ("generated", generated))
     ]
-    _check_same_skeleton("generated", checked[1], checked[0])
+    if len(checked[0]) != len(checked[1]):
+        n_real, n_generated = map(len, checked)
+        raise ValueError(f"generated must have {n_real} clips, as real; got {n_generated}")
+    checked[0] = [_clip_in_joints(clip, checked[1][0].skeleton) for clip in checked[0]]
     first, second = ([to_partner_frame(clip) for clip in clips] for clips in checked)
-    if len(first) != len(second):
-        raise ValueError(f"generated must have {len(first)} clips, as real; got {len(second)}")
     if extractor is not None:
         _check("extractor", extractor, Autoencoder)
     else:
@@ -512,6 +514,12 @@ def _in_joints(
         return partner
     named = name_joints(partner.skeleton, skeleton, UNSTATED, estimates=True)
     return PersonMotion(skeleton, partner.times, named.apply(partner.motion))
+
+
+def _clip_in_joints(clip: Interaction, skeleton: Skeleton) -> Interaction:
+    """Return both people of a clip on the joints of a skeleton."""
+    person_a, person_b = (_in_joints(clip, person, skeleton).motion for person in ("a", "b"))
+    return replace(clip, skeleton=skeleton, person_a=person_a, person_b=person_b)
 
 
 @contextmanager

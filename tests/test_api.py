@@ -9,7 +9,7 @@ from torch import nn
 
 import pacmo_core
 from pacmo_core import interaction_mesh, reaction, skeleton_prior
-from pacmo_core.data.interaction import bone_lengths
+from pacmo_core.data.interaction import Interaction, bone_lengths
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.models import load_reaction_model
@@ -186,6 +186,21 @@ def test_real_reactions_are_perfect_and_others_are_not(clips, regression):
     reactions = [pacmo_core.react(regression, clip)[0] for clip in clips]
     other = pacmo_core.evaluate(clips, reactions, extractor=extractor)
     assert other["f2id"] > 0.01 and other["ape"] > 0.01
+
+
+def test_captures_of_other_joints_are_compared_on_those_of_the_reactions(clips):
+    captured = clips[:4]
+    package = [pacmo_core.react(None, clip)[0] for clip in captured]
+    assert package[0].skeleton != captured[0].skeleton
+    scores = pacmo_core.evaluate(captured, package, n_epochs=1)
+    assert scores["ape"] > 0 and all(np.isfinite(list(scores.values())))
+    shown = package[0].skeleton
+    rows = captured[0].skeleton.indices(shown.joints)
+    known = [
+        Interaction(shown, clip.times, clip.person_a[:, rows], clip.person_b[:, rows])
+        for clip in captured
+    ]
+    assert pacmo_core.evaluate(known, package, n_epochs=1) == pytest.approx(scores, rel=1e-3)
 
 
 def test_defaults_are_those_of_params_yaml():

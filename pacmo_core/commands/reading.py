@@ -428,7 +428,8 @@ def _check_one_axis(
         )
         raise CommandError(
             f"the spines of the two people are along different axes, {found}, as where one lies: "
-            f"give --from-up, such as --from-up {axes[0]}"
+            f"give --from-up, such as --from-up {axes[0]}, or where two programs wrote them "
+            f"--from-up a={axes[0]} --from-up b={axes[1]}"
         )
 
 

@@ -32,6 +32,7 @@ from pacmo_core.formats.bvh_pairs import unstated_settings
 from pacmo_core.formats.joint_names import UNSTATED, StatedNames, stated_body
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.rigs import fitting_rigs, plain_names
+from pacmo_core.formats.scene_nodes import SceneNodes
 from pacmo_core.formats.table import Table
 
 UNIT_NAMES = {value: name for name, value in UNITS.items()} | {CMU_UNIT: "CMU's unit"}
@@ -86,9 +87,11 @@ def infer_settings(
 
 def _bvh_people(file: Path) -> tuple[Skeleton, list[NDArray[np.float64]]]:
     bvh = read_bvh(file)
-    skeleton = Skeleton("bvh", bvh.joints, bvh.parents, mirror_by_name(bvh.joints))
-    bodies = skeleton.without(bvh.joints[end] for end in bvh.end_sites)
-    return bodies, [bvh.positions()[:, skeleton.indices(bodies.joints)]]
+    body = SceneNodes.of(bvh).body()
+    skeleton = Skeleton("bvh", body.joints, body.parents, mirror_by_name(body.joints))
+    person = skeleton.without(body.joints[end] for end in body.end_sites)
+    rows = [bvh.joints.index(joint) for joint in person.joints]
+    return person, [bvh.positions()[:, rows]]
 
 
 def _infer(

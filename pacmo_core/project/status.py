@@ -25,6 +25,9 @@ from pacmo_core.project.workspace import (
     RUNS,
 )
 from pacmo_core.promotion import Decision, read_decisions
+from pacmo_core.store.tables import QuarantineRecord, read_rows
+
+UNUSABLE = Path("data/sequences/quarantine.parquet")
 
 _N_LATEST = 5  # of runs and decisions
 _MAX_LINES = 20  # of each list
@@ -52,6 +55,7 @@ def project_status(*, stale: bool) -> dict[str, Any]:
             printable(file.relative_to(INBOX).as_posix()) for file in sorted(walk_files(INBOX))
         ],
         "unfinished_intake": INTAKE_PLAN.exists(),
+        "unusable": _count_unusable(),
         "quarantine": quarantined_captures(),
         "free_gb": round(disk.free / 1e9, 1),
         "cache_gb": round(sum(file.stat().st_size for file in walk_files(DVC_CACHE)) / 1e9, 2),
@@ -84,6 +88,11 @@ def quarantined_captures() -> list[dict[str, Any]]:
     return captures
 
 
+def _count_unusable() -> int:
+    """Count the captures that the last ingestion could not use."""
+    return len(read_rows(UNUSABLE, QuarantineRecord)) if UNUSABLE.exists() else 0
+
+
 def status_lines(status: dict[str, Any]) -> Iterable[str]:
     """Yield the status as lines of text."""
     yield f"writing now   {_holder_text(status['writing'])}"
@@ -96,6 +105,8 @@ def status_lines(status: dict[str, Any]) -> Iterable[str]:
     yield from _block("inbox", status["inbox"])
     captures = [f"{capture['name']}: {capture['reason']}" for capture in status["quarantine"]]
     yield from _block("quarantine", captures)
+    if status["unusable"]:
+        yield f"unusable      {status['unusable']} captures, which pacmo quarantine lists"
     if status["unfinished_intake"]:
         yield "a run was killed while it moved captures from the inbox; the next run continues"
     for file in status["broken_decisions"]:
