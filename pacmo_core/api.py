@@ -25,6 +25,7 @@ from torch import nn
 from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
 from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.posture import UNIT_WORDS
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.base import read_capture
@@ -152,7 +153,7 @@ def load_person(
     file : a capture, such as ``walk.bvh``
     person : ``a`` or ``b`` of a file of two people
     format : bvh, ntu, sbu, ...; None for that of the file's suffix
-    settings : of the format, such as ``unit=0.01, up="z"``
+    settings : of the format, such as ``unit="cm", up="z"``, or the metres of a unit
 
     Returns
     -------
@@ -171,6 +172,12 @@ def load_person(
         name = format or format_of(path)
     if name not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}; got {name!r}")
+    if isinstance(settings.get("unit"), str):
+        if settings["unit"] not in UNIT_WORDS:
+            raise ValueError(
+                f"unit must be metres or {', '.join(UNIT_WORDS)}; got {settings['unit']!r}"
+            )
+        settings["unit"] = UNIT_WORDS[settings["unit"]]
     if "unit" in settings:
         _check("unit", settings["unit"], int, float)
     inferred = infer_settings(path, name, settings)

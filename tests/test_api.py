@@ -88,7 +88,8 @@ def test_a_person_is_loaded_from_a_bvh_file_and_reacted_to(tmp_path):
     np.testing.assert_allclose(stated.motion, 1.1 * loaded.motion, rtol=1e-5)
     for wrong, error, words in (
         ({"unit": 0.1, "up": "y"}, ValueError, "walk.bvh: .*wrong unit or up"),
-        ({"unit": "cm", "up": "y"}, TypeError, "unit must be int or float; got str"),
+        ({"unit": "yd", "up": "y"}, ValueError, "unit must be metres or m, cm, .*; got 'yd'"),
+        ({"unit": None, "up": "y"}, TypeError, "unit must be int or float; got NoneType"),
         ({"unit": 0.01, "up": "z"}, ValueError, "walk.bvh: .*wrong unit or up"),
         ({"person": "b"}, ValueError, "holds one person: person must be None; got 'b'"),
     ):

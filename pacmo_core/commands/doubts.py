@@ -141,9 +141,9 @@ def _lying_text(file: Path, person: PersonMotion) -> str:
     if posture is None or (np.abs(posture.trunk[:, 1]) > MAX_LYING).mean() > LYING_EXCEPTIONS:
         return ""
     return (
-        f"{file}: the trunk of a person is nearer to the floor's plane than to y, which is up, "
-        "in nearly every frame: who does not lie there was captured with another upward axis; "
-        "wanted it stated (up in the table, or --from-up)"
+        f"{file}: the trunk of a person is nearer to the floor's plane than to the axis that is "
+        "stated to be up, in nearly every frame: who does not lie there was captured with "
+        "another upward axis; wanted it stated (up in the table, or --from-up)"
     )
 
 

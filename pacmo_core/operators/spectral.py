@@ -86,7 +86,7 @@ def _angles(phases: Tensor, n_modes: int) -> Tensor:
 
 
 class SpectralLayer(nn.Module):
-    """Convolve a periodic function with a learned kernel and evaluate it on another grid.
+    """Spectral convolution of a periodic function with a learned kernel, on another grid.
 
     ``u(y) = sum_k R_k v_k exp(2 pi i k y)`` over the first M modes (Li et al. 2021; PaCMO, 2.2).
     The tensors are time first, so that each transform is one matrix product.
