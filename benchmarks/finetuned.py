@@ -33,7 +33,7 @@ import torch
 from ruamel.yaml import YAML
 
 from benchmarks._figures import arguments, show
-from benchmarks.recorded import (
+from benchmarks._recorded import (
     BLOWS,
     Counts,
     counted,

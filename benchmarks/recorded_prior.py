@@ -23,9 +23,9 @@ from scipy.stats import t as student
 
 from benchmarks._captures import real_data
 from benchmarks._figures import arguments, show
+from benchmarks._recorded import in_joints
 from benchmarks._retargeting_tasks import SETTINGS
 from benchmarks.natural_motion import _listed, bodies
-from benchmarks.recorded import in_joints
 from pacmo_core.augmentation.run import scene_from, split_people
 from pacmo_core.commands.weights import PACKAGED_PRIOR
 from pacmo_core.data.interaction import Interaction

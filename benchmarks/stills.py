@@ -22,7 +22,7 @@ import numpy as np
 import torch
 
 from benchmarks._figures import arguments, show
-from benchmarks.recorded import finished, model_at, permuted, react_to, recorded
+from benchmarks._recorded import finished, model_at, permuted, react_to, recorded
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.stills import write_strip
 from pacmo_core.figures.viewer import Scene

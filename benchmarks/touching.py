@@ -25,7 +25,7 @@ import numpy as np
 import torch
 
 from benchmarks._figures import arguments, show
-from benchmarks.recorded import (
+from benchmarks._recorded import (
     counted,
     finished,
     intervals,

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from benchmarks import recorded as benchmark
-from benchmarks.blows import blows
-from benchmarks.handover import handovers, measure, read_capture, still_receivers, to_object
-from benchmarks.recorded import (
+from benchmarks._recorded import (
     Recorded,
-    _usual,
     _way,
     counted,
     intervals,
+    most_usual,
     on_floor,
     permuted,
     pooled,
     recorded,
 )
+from benchmarks.blows import blows
+from benchmarks.handover import handovers, measure, read_capture, still_receivers, to_object
 from pacmo_core.api import synthesise
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
@@ -121,8 +121,8 @@ def test_who_gives_way_ends_farther_from_where_they_were_nearest() -> None:
 def test_the_usual_sample_is_the_one_between_the_others() -> None:
     motions = np.zeros((4, 5, 2, 3), np.float32)
     motions[:, :, :, 0] = np.array([9.0, 0.0, 2.0, 1.0], np.float32)[:, None, None]
-    assert _usual(motions) in (2, 3)  # distances 7 + 2 + 1 and 8 + 1 + 1
-    assert _usual(motions[[0, 1, 3]]) == 2
+    assert most_usual(motions) in (2, 3)  # distances 7 + 2 + 1 and 8 + 1 + 1
+    assert most_usual(motions[[0, 1, 3]]) == 2
 
 
 def test_what_is_told_and_the_temperature_reach_the_reactions(
