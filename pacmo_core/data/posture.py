@@ -9,6 +9,7 @@ in Winter (2009), *Biomechanics and motor control of human movement*, figure 4.1
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,7 @@ _UPRIGHT, _NOT_UPRIGHT = 0.8, 0.5  # cosine of the angle between trunk and axis
 _UPRIGHT_ALWAYS = 0.9  # share of the frames
 _STEADY = 3.0  # times as far as the floor does the lowest joint move along another axis
 _UNSTEADY = 0.03  # statures: less is noise
+_LEVEL = 0.1  # statures, by which the floor may differ under two people
 _STEADY_FEET = 1.5  # times as far as the feet do the hands or the head of a standing person move
 
 
@@ -166,6 +168,27 @@ def lying_fault(posture: Posture) -> str:
             if _stands_along(sign * posture.trunk[:, column]) and is_floor:
                 return "lying while standing"
     return ""
+
+
+def share_a_wall(postures: Sequence[Posture]) -> bool:
+    """Whether all people stand along one other axis than y, with their feet at one place along it.
+
+    People who lie beside each other seldom do so throughout, side by side to a few centimetres; who
+    stands on a floor, of which another axis than y is up, does.
+
+    Parameters
+    ----------
+    postures : of two people or more, of motions that are meant to have y up
+    """
+    for column in (0, 2):
+        for sign, feet in ((1, "lowest"), (-1, "highest")):
+            levels = [float(np.median(getattr(one, feet)[:, column])) for one in postures]
+            stature = min(one.stature for one in postures)
+            if np.ptp(levels) < _LEVEL * stature and all(
+                _stands_along(sign * one.trunk[:, column]) for one in postures
+            ):
+                return True
+    return False
 
 
 def _stands_along(cosines: NDArray[np.float64]) -> bool:

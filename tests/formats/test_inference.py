@@ -136,6 +136,20 @@ def test_someone_who_is_carried_by_an_upright_person_is_no_fault() -> None:
     assert unknown[1].endswith("with the upward axis that the file states")
 
 
+def test_two_who_lie_side_by_side_to_a_few_centimetres_stand_on_another_axis() -> None:
+    skeleton, people_of_clip = mixamo(CLIP)
+    still = [np.repeat(motion[:1], 40, axis=0) for motion in people_of_clip]
+    assert implausible([(skeleton, motion) for motion in still], ["y", "y"]) is None
+    a, b = (from_y_up(motion, "z").astype(np.float32) for motion in still)
+    fault = implausible([(skeleton, a), (skeleton, b)], ["y", "y"])
+    assert fault == (0, "y was taken for up, but the trunk of a person is along z throughout")
+    lower = b + np.float32([0, 0, 0.4])  # who lies there, with the feet farther down
+    head_to_toe = b * np.float32([1, 1, -1])
+    for other in (lower, head_to_toe):
+        assert implausible([(skeleton, a), (skeleton, other)], ["y", "y"]) is None
+    assert implausible([(skeleton, a)], ["y"]) is None  # one alone may lie
+
+
 def test_the_axis_that_is_found_is_one_of_the_file() -> None:
     skeleton, (a, _) = mixamo(CLIP)
     walk = 0.2 * np.sin(np.arange(len(a)) / 9)[:, None, None] * np.array([0.0, 0.0, 1.0])
