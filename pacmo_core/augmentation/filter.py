@@ -5,9 +5,7 @@ from dataclasses import asdict, dataclass
 from math import inf, isnan
 
 from pacmo_core.data.interaction import Interaction, joint_distances
-
-# Measurements with a lower limit; all others have an upper limit.
-LOWER_LIMITS = ("contacts_kept",)
+from pacmo_core.interaction_mesh.report import LOWER_LIMITS, limit_ratio
 
 
 @dataclass(frozen=True)
@@ -101,14 +99,6 @@ def exceeded_limits(measurements: Mapping[str, float], limits: VariationLimits) 
         name: limit_ratio(name, measurements[name], limit) for name, limit in asdict(limits).items()
     }
     return {name: ratio for name, ratio in ratios.items() if not ratio <= 1}
-
-
-def limit_ratio(name: str, value: float, limit: float) -> float:
-    """Divide a measurement by its limit; at most 1 within the limit."""
-    excess, allowed = (1 - value, 1 - limit) if name in LOWER_LIMITS else (value, limit)
-    if allowed:
-        return excess / allowed
-    return inf if excess > 0 else 0.0
 
 
 def max_limit_ratio(measurements: Mapping[str, float], limits: VariationLimits) -> float:

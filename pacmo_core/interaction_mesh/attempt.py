@@ -6,7 +6,7 @@ relative to the scale that both bodies have in common (``scene.common_scale``).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +31,7 @@ from pacmo_core.interaction_mesh.linear_algebra import (
     to_blocks,
 )
 from pacmo_core.interaction_mesh.mesh import support_weights
-from pacmo_core.interaction_mesh.report import measure_limited
+from pacmo_core.interaction_mesh.report import limit_ratio, measure_limited
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Attempt, AttemptLimits, Settings
 from pacmo_core.interaction_mesh.warm_start import LinearResponse, linear_response
@@ -110,12 +110,7 @@ class Quality:
     def limit_ratio(self, limits: AttemptLimits) -> float:
         """Return the largest ratio of a measurement to its limit; at most 1 if accepted."""
         return max(
-            self.primal_residual / limits.primal_residual,
-            (1 - self.contacts_kept) / (1 - limits.contacts_kept),
-            self.capsule_penetration / limits.capsule_penetration,
-            self.trunk_change / limits.trunk_change,
-            self.spine_bend / limits.spine_bend,
-            self.seam_ratio / limits.seam_ratio,
+            limit_ratio(name, getattr(self, name), limit) for name, limit in asdict(limits).items()
         )
 
     def has_diverged(self, limits: AttemptLimits) -> bool:

@@ -7,6 +7,7 @@ have in common: a scene that is scaled as a whole has no fault.
 
 from dataclasses import dataclass
 from itertools import combinations, pairwise
+from math import inf
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -116,6 +117,17 @@ class Report:
     primal_residual: float
     fixed_point_residual: float
     iterations: int
+
+
+LOWER_LIMITS = ("contacts_kept",)  # measurements with a lower limit; all others have an upper one
+
+
+def limit_ratio(name: str, value: float, limit: float) -> float:
+    """Divide a measurement by its limit; at most 1 within the limit."""
+    excess, allowed = (1 - value, 1 - limit) if name in LOWER_LIMITS else (value, limit)
+    if allowed:
+        return excess / allowed
+    return inf if excess > 0 else 0.0
 
 
 def measure_motions(
