@@ -4,7 +4,8 @@ Usage: python -m benchmarks.reference_figures [--json] [--update | --add]
 
 Trainings on another kind of processor round differently: hashes in ``dvc.lock`` change, other
 variations are accepted, and a figure may differ as between two seeds. So there is a reference of
-each kind that the default was made on, first that of ``dvc.lock``. The figures are compared with
+each kind that the default was made on, first that of ``dvc.lock``; of others PaCMO's figures alone
+where the variations have changed since. The figures are compared with
 the one that they are nearest to, within the tolerances of pacmo_core/metrics/catalogue.py. A
 tolerance is relative to the reference figure, or to that of real motion where this is larger:
 differences below the noise floor mean nothing. A figure beyond its tolerance points to a mistake,
