@@ -1,6 +1,6 @@
 """What a finish learnt from reactions to held-out partners, as arrays and as part of a model."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
@@ -35,19 +35,27 @@ class Learnt:
     """
 
     contacts: Array
-    heights: Array = field(default_factory=no_change)
-    trunk: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    max_speeds: Array = field(default_factory=lambda: np.array([NO_LIMIT, NO_LIMIT]))
-    max_accelerations: Array = field(default_factory=lambda: np.array([NO_ACCELERATION_LIMIT]))
-    least_distance: Array = field(default_factory=lambda: np.array(0.0))
-    floor_tolerance: Array = field(default_factory=lambda: np.array(ONE_FLOOR))
-    leaves_floor: Array = field(default_factory=lambda: np.array(0.0))
+    heights: Array
+    trunk: Array
+    max_speeds: Array
+    max_accelerations: Array
+    least_distance: Array
+    floor_tolerance: Array
+    leaves_floor: Array
 
 
 def nothing_learnt(skeleton: Skeleton) -> Learnt:
     """Return arrays of the shapes of those that are learnt, which change nothing."""
-    no_limit = np.full(len(skeleton.joints), NO_ACCELERATION_LIMIT)
-    return Learnt(no_contacts(skeleton), trunk=unshaped(skeleton), max_accelerations=no_limit)
+    return Learnt(
+        contacts=no_contacts(skeleton),
+        heights=no_change(),
+        trunk=unshaped(skeleton),
+        max_speeds=np.array([NO_LIMIT, NO_LIMIT]),
+        max_accelerations=np.full(len(skeleton.joints), NO_ACCELERATION_LIMIT),
+        least_distance=np.array(0.0),
+        floor_tolerance=np.array(ONE_FLOOR),
+        leaves_floor=np.array(0.0),
+    )
 
 
 class LearntModule(nn.Module):

@@ -1,5 +1,7 @@
 """Truth: bodies of known bones, feet that stand at known places, hands at known distances."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,14 +14,14 @@ from pacmo_core.finish import finish as finish_module
 from pacmo_core.finish.body import Body, is_plausible
 from pacmo_core.finish.contacts import end_effector_groups, no_contacts
 from pacmo_core.finish.finish import FrameFinish, finish
-from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.learnt import nothing_learnt
 from tests.reaction.problems import REST, delayed_mirror
 from tests.strategies import make_interaction
 
 HAND, FOOT = SBU15.joints.index("left_hand"), SBU15.joints.index("left_foot")
 LIMB = SBU15.indices(["left_shoulder", "left_elbow", "left_hand"])
 FEET = SBU15.indices(["left_foot", "right_foot"])
-NONE = Learnt(no_contacts(SBU15))
+NONE = nothing_learnt(SBU15)
 
 
 def closing_hands() -> np.ndarray:
@@ -30,7 +32,7 @@ def closing_hands() -> np.ndarray:
     return model
 
 
-CLOSING = Learnt(closing_hands())
+CLOSING = replace(nothing_learnt(SBU15), contacts=closing_hands())
 
 
 def standing(n_frames: int = 60, fps: float = 30.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -200,7 +202,7 @@ def test_a_long_motion_in_parts_is_that_in_one_solve(monkeypatch):
 
 def test_a_skeleton_without_named_limbs_is_finished_too():
     clip = make_interaction(np.random.default_rng(0))
-    learnt = Learnt(no_contacts(clip.skeleton))
+    learnt = nothing_learnt(clip.skeleton)
     found = finish(clip.person_b, clip.person_a, clip.times, clip.skeleton, learnt)
     lengths = bone_lengths(found, clip.skeleton)
     np.testing.assert_allclose(lengths, lengths[:1].repeat(len(lengths), axis=0), rtol=1e-5)
@@ -245,7 +247,7 @@ def test_a_jump_stays_where_captured_bodies_jump_and_is_none_elsewhere(height: f
     flight = np.linspace(0, 1, 20)
     reaction[30:50, :, 1] += (height * 4 * flight * (1 - flight))[:, None].astype(np.float32)
     ground = partner[0, FEET, 1].min()
-    jumping = Learnt(no_contacts(SBU15), leaves_floor=np.array(1.0))
+    jumping = replace(nothing_learnt(SBU15), leaves_floor=np.array(1.0))
     found = [finish(reaction, partner, times, SBU15, learnt) for learnt in (jumping, NONE)]
     above, grounded = (motion[:, FEET, 1].min(axis=1) - ground for motion in found)
     np.testing.assert_allclose(above[40], reaction[40, FEET, 1].min() - ground, atol=0.02)

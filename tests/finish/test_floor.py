@@ -1,11 +1,12 @@
 """Truth: bodies of known size that stand on a known plane."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.finish.bones import leg_length, median_lengths, set_legs
-from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.floor import (
     ANKLE_SHARE,
@@ -17,7 +18,7 @@ from pacmo_core.finish.floor import (
     learn_floor_tolerance,
     set_down,
 )
-from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.learnt import nothing_learnt
 from tests.strategies import make_interaction
 
 FOOT = NTU25.indices(["left_ankle", "left_foot"])
@@ -108,7 +109,7 @@ def test_a_body_that_is_too_low_as_a_whole_rises_as_a_whole(
     partner, given = standing(LEG), standing(LEG, (0.0, 2.0))
     given[..., 1] -= low
     times = np.arange(len(given)) / 30.0
-    learnt = Learnt(no_contacts(NTU25), floor_tolerance=np.array(tolerance))
+    learnt = replace(nothing_learnt(NTU25), floor_tolerance=np.array(tolerance))
     there = finish(given, partner, times, NTU25, learnt)
     np.testing.assert_allclose(there[..., 1], given[..., 1] + rise, atol=2e-3)
 
@@ -139,7 +140,7 @@ def test_where_captures_place_each_persons_floor_by_itself_people_stand_on_their
     assert learn_floor_tolerance(np.tile(apart, (MIN_FLOORS - 1, 1))) == ONE_FLOOR
     times = np.arange(len(given)) / 30.0
     for tolerance, height in ((FLOOR_TOLERANCE, -0.2), (0.0, 0.03)):
-        learnt = Learnt(no_contacts(NTU25), floor_tolerance=np.array(tolerance))
+        learnt = replace(nothing_learnt(NTU25), floor_tolerance=np.array(tolerance))
         there = finish(given, lower, times, NTU25, learnt)
         np.testing.assert_allclose(there[..., 1], captured[..., 1] + height, atol=2e-3)
 
@@ -174,7 +175,7 @@ def test_the_lower_of_two_feet_in_the_air_is_set_down_and_the_other_stays() -> N
     above = [joint for joint in range(len(NTU25.joints)) if joint not in FOOT]
     np.testing.assert_allclose(found[:, above], given[:, above], atol=6e-3)
     kicks = finish(
-        given.astype(np.float32), partner, np.arange(78) / 30.0, NTU25, Learnt(no_contacts(NTU25))
+        given.astype(np.float32), partner, np.arange(78) / 30.0, NTU25, nothing_learnt(NTU25)
     )
     assert kicks[peak, ANKLES[1], 1] - ground[1] > 0.5
 
@@ -199,7 +200,7 @@ def test_feet_keep_their_shape_and_their_lowest_joint_rests_as_low_as_the_partne
     person, partner = standing(LEG), standing(LEG, (0.0, 2.0))
     toes = NTU25.indices(["left_foot", "right_foot"])
     partner[:, toes, 1] = LEG * toe
-    finished = finish(person, partner, np.arange(20) / 30.0, NTU25, Learnt(no_contacts(NTU25)))
+    finished = finish(person, partner, np.arange(20) / 30.0, NTU25, nothing_learnt(NTU25))
     np.testing.assert_allclose(pitches(finished), pitches(person), atol=1)
     lowest = finished[:, FOOT, 1].min(axis=1)
     np.testing.assert_allclose(lowest, partner[0, FOOT, 1].min(), atol=4e-3)

@@ -1,14 +1,15 @@
 """Truth: standing bodies of known crouch, and heights that are drawn with known errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.finish.bones import median_lengths, set_legs
-from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.heights import learn_heights, no_change, pelvis_heights, straighten
-from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.learnt import nothing_learnt
 from tests.finish.test_floor import LEG, standing
 
 FPS = 30.0
@@ -91,7 +92,7 @@ def test_the_finish_straightens_a_body_of_whole_bones() -> None:
             lengths(),
             NTU25,
         )
-        for learnt in (Learnt(no_contacts(NTU25)), Learnt(no_contacts(NTU25), model))
+        for learnt in (nothing_learnt(NTU25), replace(nothing_learnt(NTU25), heights=model))
     )
     np.testing.assert_allclose(crouched, upright - 0.15 / LEG, atol=0.01)
     np.testing.assert_allclose(straight, upright - 0.02, atol=0.02)

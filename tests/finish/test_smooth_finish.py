@@ -11,9 +11,8 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import NTU25, SBU15, Skeleton
 from pacmo_core.finish.bones import median_lengths, set_legs
-from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.learnt import nothing_learnt
 from pacmo_core.finish.steps import MAX_SPEED, take_steps
 from pacmo_core.reaction.inference import PACKAGED
 from pacmo_core.store.motions import stream_motions
@@ -109,7 +108,7 @@ def test_a_finished_glide_is_smooth(metres: float) -> None:
     given = straight_glide(metres, 1.0).astype(np.float32)
     partner = np.tile(REST + np.array([0, 0, 5.0]), (len(given), 1, 1)).astype(np.float32)
     times = np.arange(len(given)) / FPS
-    found = finish(given, partner, times, SBU15, Learnt(no_contacts(SBU15))).astype(np.float64)
+    found = finish(given, partner, times, SBU15, nothing_learnt(SBU15)).astype(np.float64)
     assert peak_speed(found) < 1.3 * max(peak_speed(given), MAX_SPEED)
     assert bends(found, SBU15).min() > -5e-3
 

@@ -6,9 +6,8 @@ import pytest
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.finish.bones import leg_length, median_lengths, set_legs
-from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.learnt import nothing_learnt
 from pacmo_core.finish.stance import frame_runs
 from pacmo_core.finish.steps import STEP_HEIGHT, find_glides, find_lift, take_steps
 from pacmo_core.finish.turns import find_collapses, turned
@@ -179,7 +178,7 @@ def test_a_walk_is_hardly_changed_by_the_finish() -> None:
     given = body.astype(np.float32)
     partner = np.tile(crouching() + np.array([0, 0, 6.0]), (len(given), 1, 1)).astype(np.float32)
     times = np.arange(len(given)) / FPS
-    found = finish(given, partner, times, SBU15, Learnt(no_contacts(SBU15)))
+    found = finish(given, partner, times, SBU15, nothing_learnt(SBU15))
     moved = np.linalg.norm(found - given, axis=-1)
     assert moved.mean() < 0.02
 
@@ -187,7 +186,7 @@ def test_a_walk_is_hardly_changed_by_the_finish() -> None:
 def test_bones_are_exact_after_steps_and_the_finish_keeps_feet_where_they_stand() -> None:
     given = glide(1.5).astype(np.float32)
     partner = np.tile(crouching() + np.array([0, 0, 4.0]), (len(given), 1, 1)).astype(np.float32)
-    found = finish(given, partner, np.arange(len(given)) / FPS, SBU15, Learnt(no_contacts(SBU15)))
+    found = finish(given, partner, np.arange(len(given)) / FPS, SBU15, nothing_learnt(SBU15))
     expected = np.tile(median_lengths(given, SBU15), (len(given), 1))
     np.testing.assert_allclose(bone_lengths(found, SBU15), expected, rtol=1e-6, atol=3e-7)
     speed = np.linalg.norm(np.diff(found[:, FEET][..., [0, 2]], axis=0), axis=-1) * FPS

@@ -1,11 +1,12 @@
 """Truth: paths and turns that go at known speeds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.learnt import nothing_learnt
 from pacmo_core.finish.travel import NO_LIMIT, peak_speeds, slow_down, spread_bursts
 from pacmo_core.finish.turns import find_headings, turned
 from tests.finish.test_floor import LEG, NTU25, standing
@@ -90,6 +91,6 @@ def test_the_finish_moves_the_body_as_a_whole() -> None:
             0
         ]
         for limit in (NO_LIMIT, 1.1)
-        for learnt in [Learnt(no_contacts(NTU25), max_speeds=np.array([limit, NO_LIMIT]))]
+        for learnt in [replace(nothing_learnt(NTU25), max_speeds=np.array([limit, NO_LIMIT]))]
     )
     assert free > 1.4 > 1.3 > calm

@@ -5,10 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.skeleton import NTU25, SBU15
-from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.floor import ONE_FLOOR, set_down
-from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.learnt import nothing_learnt
 from pacmo_core.finish.trunk import (
     learn_trunk,
     shape_trunk,
@@ -132,6 +131,6 @@ def test_the_finish_keeps_a_pelvis_whole_while_a_foot_is_pulled() -> None:
         partner,
         np.arange(n_frames) / 30,
         NTU25,
-        Learnt(no_contacts(NTU25)),
+        nothing_learnt(NTU25),
     )
     np.testing.assert_allclose(shapes(found), shapes(given), atol=0.01)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.learnt import nothing_learnt
 from pacmo_core.finish.turns import TURN_SPEED, find_headings, resolve_turns, turned
 from tests.reaction.problems import REST
 from tests.strategies import SMALL
@@ -89,7 +88,7 @@ def test_resolving_and_finishing_commute_with_turning_both(yaw: float) -> None:
     # One foot is ahead, so that no choice hangs on round-off.
     given[:, SBU15.joints.index("left_foot")] += 0.05 * (given[:, 3] - given[:, 6])
     finished, after = (
-        finish(turn(given), turn(partner), times, SBU15, Learnt(no_contacts(SBU15)))
+        finish(turn(given), turn(partner), times, SBU15, nothing_learnt(SBU15))
         for turn in (lambda motion: motion, lambda motion: turned(motion, whole))
     )
     np.testing.assert_allclose(after, turned(finished, whole), atol=1e-3)
