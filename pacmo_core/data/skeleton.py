@@ -153,6 +153,13 @@ class Skeleton:
             ),
         )
 
+    def ancestors(self, joint: int) -> list[int]:
+        """List the joints from the parent of a joint to the root."""
+        above = []
+        while (joint := self.parents[joint]) >= 0:
+            above.append(joint)
+        return above
+
     def indices(self, names: Iterable[str]) -> list[int]:
         """List the indices of joints by name."""
         return [self.joints.index(name) for name in names]

@@ -145,16 +145,10 @@ def _with_pelvis(
     moved = motion + (at - motion[:, pelvis.root])[:, None]
     aside = hip_distance / 2 * axes[:, :, 0]
     for hip, place in ((pelvis.left, middle + aside), (pelvis.right, middle - aside)):
-        below = [joint for joint in leg_joints(skeleton) if hip in _above(joint, skeleton)]
+        below = [joint for joint in leg_joints(skeleton) if hip in skeleton.ancestors(joint)]
         moved[:, below] += (place - moved[:, hip])[:, None]
         moved[:, hip] = place
     return np.asarray(moved)
-
-
-def _above(joint: int, skeleton: Skeleton) -> list[int]:
-    """List the joints from a joint's parent to the root."""
-    parent = skeleton.parents[joint]
-    return [] if parent < 0 else [parent, *_above(parent, skeleton)]
 
 
 def _unit(vectors: Array) -> Array:

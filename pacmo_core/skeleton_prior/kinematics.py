@@ -35,7 +35,7 @@ def find_limbs(skeleton: Skeleton, motion: Motion) -> tuple[Limb, ...]:
     lengths[skeleton.bones[:, 1]] = bone_lengths(motion, skeleton).mean(axis=0)
     result: set[Limb] = set()
     for leaf in set(range(len(skeleton.joints))) - set(skeleton.parents):
-        path = _path_to_root(skeleton, leaf)
+        path = [leaf, *skeleton.ancestors(leaf)]
         limbs = [
             (path[i + 2], path[i + 1], path[i])
             for i in range(len(path) - 2)
@@ -44,13 +44,6 @@ def find_limbs(skeleton: Skeleton, motion: Motion) -> tuple[Limb, ...]:
         if limbs:
             result.add(max(limbs, key=lambda limb: lengths[limb[1]] + lengths[limb[2]]))
     return tuple(sorted(result))
-
-
-def _path_to_root(skeleton: Skeleton, leaf: int) -> list[int]:
-    path = [leaf]
-    while skeleton.parents[path[-1]] >= 0:
-        path.append(skeleton.parents[path[-1]])
-    return path
 
 
 def ancestor_matrix(skeleton: Skeleton) -> Tensor:
