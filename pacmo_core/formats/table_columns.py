@@ -24,7 +24,7 @@ TIME, FRAME = "time", "frame"
 AXES = ("x", "y", "z")
 _PREFIXES = ("person_a.", "person_b.")
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
-_OTHER_PERSON = re.compile(r"person_[^.]+(?=\.)")
+_OTHER_PERSON = re.compile(r"person_[^.]+(?=\.)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)

@@ -261,6 +261,7 @@ def test_a_csv_of_text_columns_and_joints_in_another_order_is_read(tmp_path: Pat
         ('"a, b"', '"a, b', ":6: no comma-separated values"),
         ("\nc,0.0333333", "\nc,0", "times: wanted seconds that increase"),
         ("label,", "person_c.hip.x,", "columns of person_c: wanted those of person_a and person_b"),
+        ("label,", "Person_A.hip.x,", "columns of Person_A: wanted those of person_a and person_b"),
     ],
 )
 def test_what_a_csv_states_wrongly_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
