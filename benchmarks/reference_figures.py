@@ -9,7 +9,7 @@ where the variations have changed since. The figures are compared with
 the one that they are nearest to, within the tolerances of pacmo_core/metrics/catalogue.py. A
 tolerance is relative to the reference figure, or to that of real motion where this is larger:
 differences below the noise floor mean nothing. A figure beyond its tolerance points to a mistake,
-or to a third kind of processor. ``--update`` replaces all references by one, ``--add`` adds one.
+or to a further kind of processor. ``--update`` replaces all references by one, ``--add`` adds one.
 """
 
 import json
