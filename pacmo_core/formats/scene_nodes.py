@@ -2,9 +2,10 @@
 
 Programs export the armature, a reference on the floor, or the root of a game's character, as the
 root, and the hips below it, in Unreal beside targets of inverse kinematics (``ik_foot_root``). None
-of them is a joint of the body: they are left out when a file is read, and keep their motion when
-another motion is written on the file's hierarchy. A root that moves carries the hips with it: the
-body has their motion in the world.
+of them is a joint of the body: they are left out when a file is read. A root that moves carries the
+hips with it: the body has their motion in the world. Where a file's motion is changed, its nodes
+keep theirs; where another motion is written on its hierarchy, a root that moves goes beneath the
+hips.
 """
 
 import re
@@ -12,11 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pacmo_core.formats.bvh import Bvh
 from pacmo_core.formats.bvh_channels import columns_of, displacements, local_rotations, rows_of
 from pacmo_core.formats.inverse_kinematics import PointTargets, forward_kinematics, rotate_vectors
-from pacmo_core.formats.rotations import continuous_euler_angles
+from pacmo_core.formats.rotations import axis_rotations, continuous_euler_angles
 
 Array = NDArray[np.float64]
 
@@ -85,35 +87,75 @@ class SceneNodes:
         shares = targets.shares[:, self.joints]
         return replace(targets, positions=self.to_body(targets.positions), shares=shares)
 
-    def whole(self, body: Bvh, rows: Array) -> tuple[Bvh, Array]:
+    def whole(self, body: Bvh, rows: Array, *, is_other: bool) -> tuple[Bvh, Array]:
         """Put a body and its motion ``(T, C)`` in channels back into the file.
 
-        The nodes and what is beside the body keep the file's motion, of its first frame if there
-        are more or fewer frames.
+        The nodes and what is beside the body keep the file's motion.
+
+        Parameters
+        ----------
+        body : the body, whose offsets may have changed
+        rows : its motion
+        is_other : whether it is another motion than the file's, of as many frames or not: then the
+            nodes keep that of the first frame, but for a last node that moves. It stands beneath
+            the hips, and turns with them, as in the first frame
         """
         own = self.bvh.motion
-        if len(own) == len(rows):
-            motion = own.copy()
-            if self._moves:
-                (place, turn), (start, first_turn) = self._node(), self._first()
-                back = turn.swapaxes(1, 2)
-                rows = _moved(
-                    replace(body, motion=rows),
-                    rotate_vectors(back, start - place),
-                    back @ first_turn,
-                )
-        else:
-            motion = np.repeat(own[:1], len(rows), axis=0)
+        motion = np.repeat(own[:1], len(rows), axis=0) if is_other else own.copy()
+        if self._moves:
+            place, turn = self._node()
+            if is_other:
+                place, turn = self._beneath(body, rows)
+                columns = self._columns_of(self.above[-1])
+                motion[:, columns] = self._last_node(motion[:, columns], place, turn)
+            start, first_turn = self._first()
+            back = turn.swapaxes(1, 2)
+            there = rotate_vectors(back, start - place), back @ first_turn
+            rows = _moved(replace(body, motion=rows), *there)
         motion[:, self._columns] = rows
         offsets = self.bvh.offsets.copy()
         offsets[self.joints] = body.offsets
         return replace(self.bvh, offsets=offsets, frame_time=body.frame_time), motion
 
+    def _beneath(self, body: Bvh, rows: Array) -> tuple[Array, Array]:
+        """``(T, 3)`` and ``(T, 3, 3)``: where the last node stands beneath the hips of a motion.
+
+        Upwards is the axis along which the hips are farthest from it in the first frame.
+        """
+        start, first_turn = self._first()
+        if not _is_placed(self.bvh.channels[self.above[-1]]):
+            return np.tile(start, (len(rows), 1)), np.tile(first_turn, (len(rows), 1, 1))
+        (place, turn), (first_place, first_hips) = (
+            _root_of(replace(body, motion=motion)) for motion in (rows, self.body().motion[:1])
+        )
+        offset = first_turn @ first_place[0]  # of the hips from the node, in the world
+        axis = int(np.abs(offset).argmax())
+        turned = first_turn @ turn @ first_hips[0].T @ first_turn.T
+        quaternions = Rotation.from_matrix(turned).as_quat()
+        heading = axis_rotations(
+            axis, np.degrees(2 * np.arctan2(quaternions[:, axis], quaternions[:, 3]))
+        )
+        under = start + place @ first_turn.T - rotate_vectors(heading, offset[None])
+        under[:, axis] = start[axis]
+        return under, heading @ first_turn
+
+    def _last_node(self, motion: Array, place: Array, turn: Array) -> Array:
+        """``(T, C)``: channels of the last node for a place and a rotation in the world."""
+        node = self.above[-1]
+        alone = _alone(self.bvh, node, motion)
+        parent_place, parent_turn = replace(self, above=self.above[:-1])._first()
+        moved, local = ((place - parent_place) @ parent_turn)[:, None], parent_turn.T @ turn
+        return rows_of(alone, moved, local[:, None], continuous_euler_angles)
+
     @property
     def _columns(self) -> slice:
         """The columns of the body's channels."""
+        first, last = self._columns_of(self.joints.start), self._columns_of(self.joints.stop - 1)
+        return slice(first.start, last.stop)
+
+    def _columns_of(self, joint: int) -> slice:
         counts = np.cumsum([0, *map(len, self.bvh.channels)])
-        return slice(int(counts[self.joints.start]), int(counts[self.joints.stop]))
+        return slice(int(counts[joint]), int(counts[joint + 1]))
 
     @property
     def _moves(self) -> bool:
@@ -138,22 +180,35 @@ class SceneNodes:
         return places[0], turns[0]
 
 
+def _alone(bvh: Bvh, joint: int, motion: Array) -> Bvh:
+    """Return one joint as a file of its own, with a motion of its channels."""
+    return replace(
+        bvh,
+        joints=(bvh.joints[joint],),
+        parents=(-1,),
+        offsets=bvh.offsets[[joint]],
+        channels=(bvh.channels[joint],),
+        end_sites=(),
+        motion=motion,
+    )
+
+
+def _root_of(body: Bvh) -> tuple[Array, Array]:
+    """``(T, 3)`` and ``(T, 3, 3)``: place and rotation of a body's root in its frame."""
+    root = _alone(body, 0, body.motion[:, : len(body.channels[0])])
+    return displacements(root, root.offsets)[:, 0], local_rotations(root)[:, 0]
+
+
 def _moved(body: Bvh, by: Array, turn: Array) -> Array:
     """``(T, C)``: a body's motion, each frame turned by (T, 3, 3) and then moved by (T, 3)."""
     columns = slice(len(body.channels[0]))
-    root = replace(
-        body,
-        joints=body.joints[:1],
-        parents=(-1,),
-        offsets=body.offsets[:1],
-        channels=body.channels[:1],
-        end_sites=(),
-        motion=body.motion[:, columns],
-    )
-    moved, local = displacements(root, root.offsets), local_rotations(root)
-    moved[:, 0] = rotate_vectors(turn, moved[:, 0]) + by
+    root = _alone(body, 0, body.motion[:, columns])
+    place, local = _root_of(body)
+    moved = rotate_vectors(turn, place) + by
     motion = body.motion.copy()
-    motion[:, columns] = rows_of(root, moved, turn[:, None] @ local, continuous_euler_angles)
+    motion[:, columns] = rows_of(
+        root, moved[:, None], (turn @ local)[:, None], continuous_euler_angles
+    )
     return motion
 
 

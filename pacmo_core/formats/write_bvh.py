@@ -184,7 +184,7 @@ def rewrite_bvh(file: Path, bvh: Bvh, targets: BvhTargets, scales: Array) -> str
     root, local = inverse_kinematics(bvh.parents, of_joint, targets.weights, bones, initial)
     bones[:, 0] = root
     rows = rows_of(bvh, bones, local, euler_angles_near)
-    return format_file(*nodes.whole(replace(bvh, offsets=rest), rows))
+    return format_file(*nodes.whole(replace(bvh, offsets=rest), rows, is_other=False))
 
 
 def write_on_rig(
@@ -246,7 +246,7 @@ def write_on_rig(
     posed = replace(bvh, frame_time=1 / fps, motion=np.repeat(bvh.motion[:1], n_frames, axis=0))
     offsets[:, 0] = root
     rows_of_file = rows_of(posed, offsets, local, continuous_euler_angles)
-    return format_file(*nodes.whole(posed, rows_of_file))
+    return format_file(*nodes.whole(posed, rows_of_file, is_other=True))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.bvh_channels import format_file
 from pacmo_core.formats.inverse_kinematics import PointTargets
 from pacmo_core.formats.registry import read_partner
-from pacmo_core.formats.scene_nodes import SceneNodes
+from pacmo_core.formats.scene_nodes import SceneNodes, _moved
 from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh, write_on_rig
 from tests.formats.rigged import mixamo, people
 
@@ -130,9 +130,47 @@ def test_a_motion_on_a_rig_moves_the_hips_and_not_its_nodes(
     targets = PointTargets(shares, shifted, np.ones(motion.shape[:2]))
     file.write_text(write_on_rig(file, bvh, targets, skeleton, 1.0, 30))
     again = read_bvh(file)
-    nodes = bvh.motion[:, :12] if n_frames == len(bvh.motion) else bvh.motion[:1, :12]
-    np.testing.assert_allclose(again.motion[:, :12] - nodes, 0, atol=1e-5)
+    if not moves:
+        np.testing.assert_allclose(again.motion[:, :12], bvh.motion[:, :12], atol=1e-5)
     assert np.abs(person_of(file)[1] - shifted).mean() < 0.02
+
+
+def test_the_root_of_a_game_character_goes_beneath_the_hips_of_another_motion(plain: Path) -> None:
+    skeleton, motion = person_of(plain)
+    bvh = read_bvh(plain)
+    hips = bvh.joints.index(skeleton.joints[skeleton.root])
+    way = np.arange(20)[:, None] * np.array([0.04, 0, 0.01])
+    # The root stands on the floor, and carries the person; it does not turn.
+    root = np.concatenate([motion[:1, 0] * [1, 0, 1] + way, np.zeros((20, 3))], axis=1)
+    carried = bvh.motion.copy()
+    carried[:, :3] -= root[:, :3]
+    rooted = replace(
+        bvh, joints=("root", *bvh.joints), parents=(-1, *(p + 1 for p in bvh.parents)),
+        offsets=np.concatenate([np.zeros((1, 3)), bvh.offsets]), channels=(SIX, *bvh.channels),
+        end_sites=tuple(end + 1 for end in bvh.end_sites),
+        motion=np.concatenate([root, carried], axis=1),
+    )  # fmt: skip
+    nodes = SceneNodes.of(rooted)
+    assert nodes.above == (0,)
+    body = nodes.body()
+    # The person of thirteen other frames, who turns by 90 degrees about y and walks.
+    quarter = np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]])
+    turned = _moved(
+        replace(body, motion=body.motion[:13]), np.tile([1.0, 0, 2.0], (13, 1)),
+        np.tile(quarter, (13, 1, 1)),
+    )  # fmt: skip
+    whole, rows = nodes.whole(body, turned, is_other=True)
+    placed = replace(whole, motion=rows)
+    wanted = replace(body, motion=turned)
+    np.testing.assert_allclose(
+        placed.positions()[:, 1:], wanted.positions() + root[0, :3], atol=1e-5
+    )
+    np.testing.assert_allclose(rows[:, 1], 0, atol=1e-9)  # on the floor
+    np.testing.assert_allclose(rows[:, [3, 4]], 0, atol=1e-6)  # upright
+    first = bvh.motion[0, :3] - root[0, :3]
+    beside = placed.positions()[:, hips + 1] - rows[:, :3]
+    np.testing.assert_allclose(beside[0], quarter @ first, atol=1e-5)
+    np.testing.assert_allclose(rows[0, 5], 90, atol=1e-5)
 
 
 def test_helpers_beside_the_body_are_no_joints_and_keep_their_motion(plain: Path) -> None:
