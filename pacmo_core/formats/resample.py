@@ -60,11 +60,23 @@ def with_missing(times: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Frames are missing where the next one comes later by 1.5 or more of the usual step; so many as
     divide that time most nearly into such steps.
+
+    Raises
+    ------
+    ValueError
+        If more are missing than a motion may have.
     """
     if len(times) < 3:
         return times
     steps = np.diff(times)
-    counts = np.rint(steps * frame_rate(times)).clip(1).astype(int)
+    counts = np.rint(steps * frame_rate(times)).clip(1)
+    if counts.sum() > MAX_POSITIONS:
+        pause, start = steps.max(), times[steps.argmax()]
+        raise ValueError(
+            f"wanted at most {MAX_POSITIONS} frames; {pause:g} s without any after {start:g} s are "
+            f"{counts.max():g} at {frame_rate(times):g} fps"
+        )
+    counts = counts.astype(int)
     parts = [np.linspace(start, start + step, count, endpoint=False)
              for start, step, count in zip(times[:-1], steps, counts, strict=True)]  # fmt: skip
     return np.append(np.concatenate(parts), times[-1])

@@ -25,6 +25,7 @@ from pacmo_core.project.workspace import (
     RUNS,
 )
 from pacmo_core.promotion import Decision, read_decisions
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.tables import QuarantineRecord, read_rows
 
 UNUSABLE = Path("data/sequences/quarantine.parquet")
@@ -55,7 +56,7 @@ def project_status(*, stale: bool) -> dict[str, Any]:
             printable(file.relative_to(INBOX).as_posix()) for file in sorted(walk_files(INBOX))
         ],
         "unfinished_intake": INTAKE_PLAN.exists(),
-        "unusable": _count_unusable(),
+        "unusable": _unusable_captures(),
         "quarantine": quarantined_captures(),
         "free_gb": round(disk.free / 1e9, 1),
         "cache_gb": round(sum(file.stat().st_size for file in walk_files(DVC_CACHE)) / 1e9, 2),
@@ -88,9 +89,13 @@ def quarantined_captures() -> list[dict[str, Any]]:
     return captures
 
 
-def _count_unusable() -> int:
-    """Count the captures that the last ingestion could not use."""
-    return len(read_rows(UNUSABLE, QuarantineRecord)) if UNUSABLE.exists() else 0
+def _unusable_captures() -> str:
+    """Say how many captures the last ingestion could not use; empty if none."""
+    try:
+        count = len(read_rows(UNUSABLE, QuarantineRecord)) if UNUSABLE.exists() else 0
+    except (StoreError, OSError) as error:
+        return f"unknown: {error}"
+    return f"{count} captures, which pacmo quarantine lists" if count else ""
 
 
 def status_lines(status: dict[str, Any]) -> Iterable[str]:
@@ -106,7 +111,7 @@ def status_lines(status: dict[str, Any]) -> Iterable[str]:
     captures = [f"{capture['name']}: {capture['reason']}" for capture in status["quarantine"]]
     yield from _block("quarantine", captures)
     if status["unusable"]:
-        yield f"unusable      {status['unusable']} captures, which pacmo quarantine lists"
+        yield f"unusable      {status['unusable']}"
     if status["unfinished_intake"]:
         yield "a run was killed while it moved captures from the inbox; the next run continues"
     for file in status["broken_decisions"]:

@@ -21,7 +21,7 @@ from pacmo_core.project.stages import read_status, upstream_and_stale
 from pacmo_core.project.status import project_status, status_lines
 from pacmo_core.project.workspace import INTAKE_PLAN, CommandError, configure_logging
 from pacmo_core.store.motions import write_motions
-from pacmo_core.store.tables import ClipRecord, write_rows
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
 from tests.flows.projects import capture, make_project
 
 NAME = "skeleton_pos.txt"
@@ -413,6 +413,19 @@ def test_a_folder_of_captures_that_dvc_cannot_hash_is_named_in_one_line(make):
     for ask in (read_status, lambda: upstream_and_stale([])):
         with pytest.raises(CommandError, match=rf"{RAW}/odd: .*; remove it"):
             ask()
+
+
+def test_captures_that_ingestion_could_not_use_are_counted(tmp_path):
+    assert "unusable" not in "\n".join(status_lines(project_status(stale=False)))
+    table = tmp_path / "data/sequences/quarantine.parquet"
+    table.parent.mkdir(parents=True, exist_ok=True)
+    write_rows(table, QuarantineRecord, [QuarantineRecord("s", "f", "0", 1, "r")])
+    shown = list(status_lines(project_status(stale=False)))
+    assert "unusable      1 captures, which pacmo quarantine lists" in shown
+    table.chmod(0o644)
+    table.write_text("garbage")
+    (line,) = (one for one in status_lines(project_status(stale=False)) if "unusable" in one)
+    assert "unknown: data/sequences/quarantine.parquet: not a complete Parquet file" in line
 
 
 def test_an_unreadable_reason_hides_no_other(tmp_path):

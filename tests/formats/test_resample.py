@@ -80,3 +80,8 @@ def test_missing_frames_are_found_where_a_camera_lost_them(lost: list[int]) -> N
     np.testing.assert_allclose(with_missing(np.delete(times, lost)), times, atol=1e-12)
     assert len(with_missing(np.delete(times + jitter, lost))) == 50
     np.testing.assert_array_equal(with_missing(times[[0, 9]]), times[[0, 9]])
+
+
+def test_a_pause_of_more_frames_than_a_motion_may_have_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"1e\+09 s without any after 0.04 s"):
+        with_missing(np.array([0, 0.02, 0.04, 1e9]))
