@@ -121,13 +121,15 @@ def _mirrored_text(file: Path, person: PersonMotion) -> str:
         if len(foot) > 1
     ]
     hips = [(a, b) for a, b in trunk_pairs(body) if body.parents[a] == body.parents[b]]
-    if len(toes) != 2 or not hips:
+    posture = measure_posture(person.motion, body)
+    if len(toes) != 2 or not hips or posture is None:
         return ""
+    upright = posture.trunk[:, 1] > MAX_LYING
     ahead = np.sum([motion[:, toe] - motion[:, ankle] for ankle, toe in toes], axis=0)
     lateral = np.sum([motion[:, left] - motion[:, right] for left, right in hips], axis=0)
     # Left is up x ahead.
     sign = lateral[:, 0] * ahead[:, 2] - lateral[:, 2] * ahead[:, 0]
-    if not (sign < 0).mean() > 1 - MIRROR_EXCEPTIONS:
+    if not upright.any() or not (sign[upright] < 0).mean() > 1 - MIRROR_EXCEPTIONS:
         return ""
     return (
         f"{file}: toes point backwards throughout: left and right joints are exchanged, or one "

@@ -128,9 +128,12 @@ def _parse_frame(line: str, n_joints: int) -> tuple[float, Motion, bool]:
         frame: dict[str, Any] = json.loads(line)
         if set(frame) != {"time", "pose"}:
             raise ValueError(f"wanted the keys time and pose; got {sorted(frame)}")
-        if isinstance(frame["time"], str) or np.array(frame["pose"]).dtype.kind not in "if":
+        pose = np.array(frame["pose"])
+        if pose.dtype.kind == "O" and all(x is None or isinstance(x, float) for x in pose.flat):
+            pose = pose.astype(np.float64)  # null is NaN, which JSON has not
+        if isinstance(frame["time"], str) or pose.dtype.kind not in "if":
             raise ValueError("wanted numbers as time and pose")
-        return float(frame["time"]), np.array(frame["pose"], np.float32), True
+        return float(frame["time"]), pose.astype(np.float32), True
     words = line.replace(",", " ").split()
     if len(words) != 1 + 3 * n_joints:
         raise ValueError(f"wanted a time and {3 * n_joints} numbers; got {len(words)} in all")

@@ -94,6 +94,18 @@ def measure_posture(motion: NDArray[np.floating], skeleton: Skeleton) -> Posture
     return Posture(stature, trunk / norms, lowest, highest)
 
 
+def upward_axis(motion: NDArray[np.floating], skeleton: Skeleton) -> int:
+    """Return the axis, 0, 1 or 2, along which a trunk is on average; without one, a body's extent.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) in any unit and axes
+    """
+    posture = measure_posture(motion, skeleton)
+    along = np.ptp(motion, axis=1) if posture is None else posture.trunk
+    return int(np.abs(along.mean(axis=0)).argmax())
+
+
 def missing_limbs(skeleton: Skeleton) -> list[str]:
     """Return the limbs that a posture is measured on and a skeleton does not have."""
     present = {segment.name for segment in segments(skeleton)}

@@ -9,11 +9,21 @@ from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.formats.base import check_fps, check_up
 
 _SPLINE_DEGREE = 3
+UNEVEN = 1e-3  # of the median step, by which steps vary that are not of one rate
 
 
 def frame_rate(times: NDArray[np.float64]) -> float:
-    """Return the frames a second: the inverse of the median time between two frames or more."""
-    return float(1 / np.median(np.diff(times)))
+    """Return the frames a second: the inverse of the usual time between two frames or more.
+
+    It is the median step; where steps vary, as of times that are rounded, the mean of all steps,
+    into as many of which as it is nearest to a longer one is divided.
+    """
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    if np.ptp(steps) > UNEVEN * step:
+        for _ in range(2):  # the median of rounded steps may be a third too short
+            step = float(steps.sum() / np.rint(steps / step).clip(1).sum())
+    return 1 / step
 
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:

@@ -87,7 +87,7 @@ class SceneNodes:
         shares = targets.shares[:, self.joints]
         return replace(targets, positions=self.to_body(targets.positions), shares=shares)
 
-    def whole(self, body: Bvh, rows: Array, *, is_other: bool) -> tuple[Bvh, Array]:
+    def whole(self, body: Bvh, rows: Array, up: int | None = None) -> tuple[Bvh, Array]:
         """Put a body and its motion ``(T, C)`` in channels back into the file.
 
         The nodes and what is beside the body keep the file's motion.
@@ -96,16 +96,16 @@ class SceneNodes:
         ----------
         body : the body, whose offsets may have changed
         rows : its motion
-        is_other : whether it is another motion than the file's, of as many frames or not: then the
-            nodes keep that of the first frame, but for a last node that moves. It stands beneath
-            the hips, and turns with them, as in the first frame
+        up : of another motion than the file's, of as many frames or not, the axis that is up: then
+            the nodes keep that of the first frame, but for a last node that moves. It stands
+            beneath the hips, and turns with them, as in the first frame
         """
         own = self.bvh.motion
-        motion = np.repeat(own[:1], len(rows), axis=0) if is_other else own.copy()
+        motion = own.copy() if up is None else np.repeat(own[:1], len(rows), axis=0)
         if self._moves:
             place, turn = self._node()
-            if is_other:
-                place, turn = self._beneath(body, rows)
+            if up is not None:
+                place, turn = self._beneath(body, rows, up)
                 columns = self._columns_of(self.above[-1])
                 motion[:, columns] = self._last_node(motion[:, columns], place, turn)
             start, first_turn = self._first()
@@ -117,11 +117,8 @@ class SceneNodes:
         offsets[self.joints] = body.offsets
         return replace(self.bvh, offsets=offsets, frame_time=body.frame_time), motion
 
-    def _beneath(self, body: Bvh, rows: Array) -> tuple[Array, Array]:
-        """``(T, 3)`` and ``(T, 3, 3)``: where the last node stands beneath the hips of a motion.
-
-        Upwards is the axis along which the hips are farthest from it in the first frame.
-        """
+    def _beneath(self, body: Bvh, rows: Array, axis: int) -> tuple[Array, Array]:
+        """``(T, 3)`` and ``(T, 3, 3)``: where the last node stands beneath the hips of a motion."""
         start, first_turn = self._first()
         if not _is_placed(self.bvh.channels[self.above[-1]]):
             return np.tile(start, (len(rows), 1)), np.tile(first_turn, (len(rows), 1, 1))
@@ -129,7 +126,6 @@ class SceneNodes:
             _root_of(replace(body, motion=motion)) for motion in (rows, self.body().motion[:1])
         )
         offset = first_turn @ first_place[0]  # of the hips from the node, in the world
-        axis = int(np.abs(offset).argmax())
         turned = first_turn @ turn @ first_hips[0].T @ first_turn.T
         quaternions = Rotation.from_matrix(turned).as_quat()
         heading = axis_rotations(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.posture import upward_axis
 from pacmo_core.data.segments import segments, upright_frames
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import Bvh
@@ -184,7 +185,7 @@ def rewrite_bvh(file: Path, bvh: Bvh, targets: BvhTargets, scales: Array) -> str
     root, local = inverse_kinematics(bvh.parents, of_joint, targets.weights, bones, initial)
     bones[:, 0] = root
     rows = rows_of(bvh, bones, local, euler_angles_near)
-    return format_file(*nodes.whole(replace(bvh, offsets=rest), rows, is_other=False))
+    return format_file(*nodes.whole(replace(bvh, offsets=rest), rows))
 
 
 def write_on_rig(
@@ -210,7 +211,7 @@ def write_on_rig(
     FormatError
         If a joint has not three rotation channels, or the root no position channels.
     """
-    nodes = SceneNodes.of(bvh)
+    nodes, up = SceneNodes.of(bvh), upward_axis(targets.positions, model)
     bvh, targets = nodes.body(), nodes.targets(targets)
     check_channels(file, bvh)
     n_frames = len(targets.positions)
@@ -246,7 +247,7 @@ def write_on_rig(
     posed = replace(bvh, frame_time=1 / fps, motion=np.repeat(bvh.motion[:1], n_frames, axis=0))
     offsets[:, 0] = root
     rows_of_file = rows_of(posed, offsets, local, continuous_euler_angles)
-    return format_file(*nodes.whole(posed, rows_of_file, is_other=True))
+    return format_file(*nodes.whole(posed, rows_of_file, up))
 
 
 @dataclass(frozen=True)

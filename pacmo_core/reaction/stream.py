@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import torch
@@ -28,7 +29,9 @@ N_PADDING_POSES = 32
 # noise in the heading of a single pose would rotate all that is transformed to its frame.
 FRAME_SMOOTHING = 0.1
 N_FRAME_POSES = 9
-MAX_PAUSE = 60.0  # seconds between frames, after which a stream begins anew
+# Seconds between frames after which a stream begins anew: forwards, and backwards, as of a clock
+# that is set back. Frames that are late by less are left out.
+MAX_PAUSE, MAX_LATE = 60.0, 1.0
 # Metres a second beside the root beyond which a joint of a live partner was not tracked: hands
 # reach half of it in a punch. It is kept where it was beside the root.
 MAX_JOINT_SPEED = 15.0
@@ -47,7 +50,8 @@ class ReactionStream:
     The window has the mean duration of the training clips. Its frame of reference is that of the
     mean pose around its start, which changes smoothly, and its noise is a random field of absolute
     time: so reactions are continuous. Before the first frame the partner is assumed to stand still,
-    and to move straight on while frames are missing; after a minute without any it begins anew.
+    and to move straight on while frames are missing; after a minute without any, or where
+    the clock is set back, it begins anew.
 
     Parameters
     ----------
@@ -70,7 +74,8 @@ class ReactionStream:
         self._model = model
         self._finish: Callable[[Motion], Motion] | None = None if finish else _unchanged
         self._action = action_index(model, action)
-        self._noise = continuous_noise(model, n_samples, random)
+        self._new_noise = partial(continuous_noise, model, n_samples, random)
+        self._noise = self._new_noise()
         self._duration = mean_duration(model.normalisation)
         self._buffer_duration = (1 + FRAME_SMOOTHING) * self._duration
         self._frames = deque[tuple[float, Motion]]()
@@ -121,8 +126,9 @@ class ReactionStream:
         return query.frame.to_world(local.reshape(*local.shape[:2], joints, 3))
 
     def _append(self, pose: NDArray[np.float32], time: float) -> None:
-        if self._frames and time > self._frames[-1][0] + MAX_PAUSE:
+        if self._frames and not -MAX_LATE <= time - self._frames[-1][0] <= MAX_PAUSE:
             self._frames.clear()
+            self._noise = self._new_noise()
         if not self._frames:
             self._start = time
             padding = np.linspace(

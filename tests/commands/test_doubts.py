@@ -131,6 +131,10 @@ def test_a_mirrored_capture_is_doubted() -> None:
         assert [line.startswith("a.bvh: toes point backwards") for line in lines] == [True] * (
             sign < 0
         )
+    on_the_back = MOTION[..., [0, 2, 1]] * np.float32([1, 1, -1])  # turned about x
+    for sign in (1, -1):  # of who lies the toes do not tell
+        lying = PersonMotion(BODY, CLIP.times, on_the_back * np.float32([sign, 1, 1]))
+        assert not any("toes" in line for line in doubts([Path("a.bvh")], [lying]))
 
 
 @pytest.mark.parametrize("frames", [0, 3, 6])

@@ -1,5 +1,6 @@
 """Truth: the folder that ``--out`` names, and one line on stderr with exit code 1."""
 
+import json
 import os
 import re
 from pathlib import Path
@@ -130,13 +131,27 @@ def test_a_frame_that_is_none_is_refused_with_its_line(
     assert result.stderr.splitlines()[-1].startswith("pacmo: line 1: ")
 
 
+def test_null_in_json_is_a_joint_that_was_not_tracked(weights: Path) -> None:  # noqa: F811
+    poses = [pose.tolist() for pose in CLIP.person_a[:2]]
+    poses[1][3][0] = None
+    words = ["react", "--stream", "--weights", str(weights)]
+    text = "".join(
+        json.dumps({"time": i / 15, "pose": pose}) + "\n" for i, pose in enumerate(poses)
+    )
+    result = CliRunner().invoke(app, words, input=text)
+    assert result.exit_code == 0, result.output
+    assert "line 2: a pose must be of finite numbers" in result.stderr
+    first, second = (json.loads(line)["reactions"] for line in result.stdout.splitlines())
+    assert first == second
+
+
 def test_a_stream_goes_on_after_frames_that_are_late_or_lost_and_after_a_day(
     weights: Path,  # noqa: F811
 ) -> None:
     poses = [" ".join(f"{x:.4f}" for x in pose.reshape(-1)) for pose in CLIP.person_a[:3]]
     lost = poses[0].replace(poses[0].split()[0], "nan", 1)
     frames = [(0, poses[0]), (0.1, poses[1]), (0.1, poses[2]), (0.05, poses[0]), (0.2, lost),
-              (86400, poses[0])]  # fmt: skip
+              (86400, poses[0]), (3, poses[0])]  # fmt: skip
     words = ["react", "--stream", "--weights", str(weights)]
     text = "".join(f"{time} {pose}\n" for time, pose in frames)
     result = CliRunner().invoke(app, words, input=text)
@@ -146,9 +161,10 @@ def test_a_stream_goes_on_after_frames_that_are_late_or_lost_and_after_a_day(
     answers = [line.split() for line in result.stdout.splitlines()]
     assert [float(answer[0]) for answer in answers] == [time for time, _ in frames]
     assert all(answer[1:] == answers[1][1:] for answer in answers[2:5])
-    np.testing.assert_allclose(  # as at the beginning, but for the noise
-        np.array(answers[5][1:], float), np.array(answers[0][1:], float), atol=1.0
-    )
+    for again in answers[5:]:  # as at the beginning, but for the noise
+        np.testing.assert_allclose(
+            np.array(again[1:], float), np.array(answers[0][1:], float), atol=1.0
+        )
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "bvh", "skeleton"])

@@ -82,6 +82,16 @@ def test_missing_frames_are_found_where_a_camera_lost_them(lost: list[int]) -> N
     np.testing.assert_array_equal(with_missing(times[[0, 9]]), times[[0, 9]])
 
 
+@pytest.mark.parametrize(("fps", "decimals"), [(30, 2), (60, 3), (60, 2), (24, 2), (120, 3)])
+@pytest.mark.parametrize("lost", [[], [3, 4, 5, 50, 51]])
+def test_rounded_times_have_the_rate_of_all_frames(
+    fps: float, decimals: int, lost: list[int]
+) -> None:
+    times = np.delete((np.arange(180) / fps).round(decimals), lost)
+    assert frame_rate(times) == pytest.approx(fps, rel=0.005)
+    assert len(with_missing(times)) == 180
+
+
 def test_a_pause_of_more_frames_than_a_motion_may_have_is_refused() -> None:
     with pytest.raises(ValueError, match=r"1e\+09 s without any after 0.04 s"):
         with_missing(np.array([0, 0.02, 0.04, 1e9]))

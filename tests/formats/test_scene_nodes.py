@@ -159,7 +159,7 @@ def test_the_root_of_a_game_character_goes_beneath_the_hips_of_another_motion(pl
         replace(body, motion=body.motion[:13]), np.tile([1.0, 0, 2.0], (13, 1)),
         np.tile(quarter, (13, 1, 1)),
     )  # fmt: skip
-    whole, rows = nodes.whole(body, turned, is_other=True)
+    whole, rows = nodes.whole(body, turned, up=1)
     placed = replace(whole, motion=rows)
     wanted = replace(body, motion=turned)
     np.testing.assert_allclose(

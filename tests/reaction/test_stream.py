@@ -89,6 +89,22 @@ def test_poses_of_another_shape_and_times_that_stand_still_are_refused(model: Ge
         live.react(pose, 1.0)
 
 
+def test_after_a_long_pause_and_a_clock_that_is_set_back_a_stream_begins_anew(
+    model: Generator,
+) -> None:
+    clip = delayed_mirror(5, np.arange(150) / 30)
+    live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
+    for start in (0.0, 200.0, 0.0):
+        for pose, time in zip(clip.person_a, clip.times.tolist(), strict=True):
+            reaction = live.react(pose, start + time)
+    fresh = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
+    fresh._new_noise()  # of the second beginning: the third is of the seeds after it
+    fresh._noise = fresh._new_noise()
+    for pose, time in zip(clip.person_a, clip.times.tolist(), strict=True):
+        expected = fresh.react(pose, time)
+    np.testing.assert_allclose(reaction, expected, atol=1e-6)
+
+
 def test_noise_in_the_partners_heading_hardly_changes_the_reactions(model: Generator) -> None:
     clip = delayed_mirror(5, np.arange(150) / 30)
     random = np.random.default_rng(0)
