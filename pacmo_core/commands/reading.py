@@ -47,6 +47,7 @@ from pacmo_core.formats.registry import (
 )
 from pacmo_core.formats.resample import with_missing
 from pacmo_core.formats.rigs import RIGS
+from pacmo_core.formats.table import has_person_b
 from pacmo_core.project.workspace import CommandError
 
 PEOPLE = ("a", "b")
@@ -361,7 +362,12 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     ]
     _check_one_axis(sources, people, settings, inferred)
     if any(states_unit_or_axis(FORMATS[form]) for form in forms):
-        check_plausible(sources, people, [*map(_stated_up, used)], names)
+        others = _other_people(sources, forms, used, clip)
+        n_each = 1 + len(others) // len(people)
+        check_plausible(
+            n_each * [*sources], [*people, *others], n_each * [*map(_stated_up, used)],
+            n_each * names,
+        )  # fmt: skip
     for line in _inference_lines(sources, inferred, found):
         typer.echo(printable(line))
     for line in doubts([source.file for source in sources], people):
@@ -370,6 +376,17 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     for line in dict.fromkeys(filter(None, lines)):
         typer.echo(printable(line), err=True)
     return [ReadPerson(_filled(one), of_file) for one, of_file in zip(people, used, strict=True)]
+
+
+def _other_people(
+    sources: Sequence[Source], forms: Sequence[str], used: Sequence[dict[str, Any]], clip: str
+) -> list[PersonMotion]:
+    """Return who else is in a table of whom one person is read: two show the axis that is up."""
+    (source, *more), form = sources, forms[0]
+    if more or form != "table" or source.person is None or not has_person_b(source.file):
+        return []
+    other = PEOPLE[1 - PEOPLE.index(source.person)]
+    return [read_partner(source.file, form, used[0], person=other, clip=clip)]
 
 
 def _missing_line(file: Path, person: PersonMotion) -> str:

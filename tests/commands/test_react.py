@@ -22,7 +22,7 @@ from pacmo_core.data.skeleton import SBU15, Skeleton
 from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.resample import sample_times
+from pacmo_core.formats.resample import from_y_up, sample_times
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
@@ -177,6 +177,20 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     table.write_bytes(TABLE_WRITERS[".npz"](alone))
     assert pacmo(table, *words).exit_code == 0
     refused(pacmo(table, "--person", "b", *words), "one person", "leave out --person b")
+
+
+def test_one_of_two_who_stand_along_another_axis_is_refused(tmp_path: Path, weights: Path) -> None:
+    table, words = tmp_path / "two.npz", ["--weights", weights, "--out", tmp_path / "o.parquet"]
+    still = [np.repeat(motion[:1], 30, axis=0) for motion in (CLIP.person_a, CLIP.person_b)]
+    for up, is_right in (("y", True), ("z", False)):
+        people = [from_y_up(motion, up) for motion in still]
+        table.write_bytes(
+            TABLE_WRITERS[".npz"](JointTable(SBU15, np.arange(30) / 15, people, "y", 1))
+        )
+        for person in ("a", "b"):
+            said = pacmo(table, "--person", person, *words)
+            assert (said.exit_code == 0) == is_right, said.output
+            assert ("lying while standing" in said.stderr) == (not is_right)
 
 
 def test_weights_that_know_an_object_are_told_where_a_table_has_it(tmp_path: Path) -> None:
