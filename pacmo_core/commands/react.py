@@ -129,7 +129,7 @@ def _parse_frame(line: str, n_joints: int) -> tuple[float, Motion, bool]:
         if set(frame) != {"time", "pose"}:
             raise ValueError(f"wanted the keys time and pose; got {sorted(frame)}")
         pose = np.array(frame["pose"])
-        if pose.dtype.kind == "O" and all(x is None or isinstance(x, float) for x in pose.flat):
+        if pose.dtype.kind == "O" and all(type(x) in (float, int, type(None)) for x in pose.flat):
             pose = pose.astype(np.float64)  # null is NaN, which JSON has not
         if isinstance(frame["time"], str) or pose.dtype.kind not in "if":
             raise ValueError("wanted numbers as time and pose")

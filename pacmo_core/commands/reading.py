@@ -372,10 +372,14 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
         typer.echo(printable(line))
     for line in doubts([source.file for source in sources], people):
         typer.echo(printable(line), err=True)
-    lines = [_missing_line(source.file, one) for source, one in zip(sources, people, strict=True)]
+    whole = [_filled(person) for person in people]
+    lines = [
+        _missing_line(source.file, person, len(filled.times) - len(person.times))
+        for source, person, filled in zip(sources, people, whole, strict=True)
+    ]
     for line in dict.fromkeys(filter(None, lines)):
         typer.echo(printable(line), err=True)
-    return [ReadPerson(_filled(one), of_file) for one, of_file in zip(people, used, strict=True)]
+    return [ReadPerson(person, of_file) for person, of_file in zip(whole, used, strict=True)]
 
 
 def _other_people(
@@ -389,9 +393,8 @@ def _other_people(
     return [read_partner(source.file, form, used[0], person=other, clip=clip)]
 
 
-def _missing_line(file: Path, person: PersonMotion) -> str:
+def _missing_line(file: Path, person: PersonMotion, n_missing: int) -> str:
     """Say how many frames are missing in a capture of times; empty if none is."""
-    n_missing = len(with_missing(person.times)) - len(person.times)
     if not n_missing:
         return ""
     first = person.times[np.diff(person.times).argmax()] - person.times[0]

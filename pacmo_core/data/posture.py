@@ -182,7 +182,7 @@ def lying_fault(posture: Posture) -> str:
     return ""
 
 
-def share_a_wall(postures: Sequence[Posture]) -> bool:
+def stand_along_another_axis(postures: Sequence[Posture]) -> bool:
     """Whether all people stand along one other axis than y, with their feet at one place along it.
 
     People who lie beside each other seldom do so throughout, side by side to a few centimetres; who

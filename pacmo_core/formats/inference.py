@@ -24,7 +24,7 @@ from pacmo_core.data.posture import (
     lying_fault,
     measure_posture,
     missing_limbs,
-    share_a_wall,
+    stand_along_another_axis,
 )
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.base import Format
@@ -149,7 +149,7 @@ def implausible(
         if not MIN_STATURE <= posture.stature <= MAX_STATURE:
             return number, _stature_text(posture)
     faults = [(number, fault) for number, posture in known if (fault := lying_fault(posture))]
-    if len(known) > 1 and share_a_wall([posture for _, posture in known]):
+    if len(known) > 1 and stand_along_another_axis([posture for _, posture in known]):
         faults = [(number, "lying while standing") for number, _ in known]
     if not faults or len(faults) < len(known):
         return None

@@ -133,7 +133,7 @@ def test_a_frame_that_is_none_is_refused_with_its_line(
 
 def test_null_in_json_is_a_joint_that_was_not_tracked(weights: Path) -> None:  # noqa: F811
     poses = [pose.tolist() for pose in CLIP.person_a[:2]]
-    poses[1][3][0] = None
+    poses[1][3][:2] = None, 0  # an integer beside it
     words = ["react", "--stream", "--weights", str(weights)]
     text = "".join(
         json.dumps({"time": i / 15, "pose": pose}) + "\n" for i, pose in enumerate(poses)
