@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.finish.bones import leg_joints, set_bone_lengths, set_legs
+from pacmo_core.finish.bones import leg_joints, leg_length, set_bone_lengths, set_legs
 from pacmo_core.finish.stance import frame_runs
 from pacmo_core.finish.turns import find_headings, smooth_step, turned
 
@@ -35,9 +35,12 @@ MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher 
 # more of them, in proportion: 0.0065 m by steps a minute (Sekiya and Nagasaki 1998,
 # *Reproducibility of the walking patterns of normal young adults*).
 WALK_RATIO = 0.39
-# Of a step ahead, by which feet part at most. They then do as captured ones: by 0.8 of the legs'
-# length or less in 99 % of frames (captured 0.73), and by 0.27 m on average of a walk (0.28).
+# Of a step ahead, by which feet part at most, of a body that goes straight on. They then do as
+# captured ones: by 0.27 m on average of a walk (0.28).
 MAX_PARTING = 1.8
+# Of the legs' length, by which feet part at most: more steps are taken in turns, in which they
+# would lunge (captured feet: 0.73 in 99 % of frames). So many that none is faster than, in seconds:
+MAX_STRIDE, FASTEST_STEP = 0.75, 0.2
 # Of one step, at most: how far the body goes aside, metres, and turns, radians; and its time.
 MAX_ASIDE, MAX_TURN = 0.22, np.pi / 4
 MIN_APART = 0.1  # metres that the left foot stands to the left of the right one
@@ -78,7 +81,7 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
     motion = motion.copy()
     for glide in find_glides(motion, fps, skeleton):
         motion[glide] += _evening(motion[glide, skeleton.root], fps)[:, None]
-        wanted = _stepping(motion[glide], headings[glide], fps, skeleton)
+        wanted = _stepping(motion[glide], headings[glide], lengths, fps, skeleton)
         change[glide] = _change(motion[glide], wanted, lengths, skeleton)
     if change.any():
         motion[:, legs] += _share(motion[:, legs], change, fps)[:, None, None] * change
@@ -227,13 +230,42 @@ def _count_steps(root: Array, headings: Array, fps: float) -> int:
     return n_steps + n_steps % 2 if aside > MAX_ASIDE else n_steps
 
 
-def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) -> Array:
-    """Return a motion ``(T, J, 3)`` of which the feet step; its other joints are as they were."""
+def _stepping(
+    motion: Array, headings: Array, lengths: Array, fps: float, skeleton: Skeleton
+) -> Array:
+    """Return a motion ``(T, J, 3)`` of which the feet step; its other joints are as they were.
+
+    Of the numbers of steps that are possible, the first with which feet do not part too far, else
+    that with which they part least.
+    """
+    root, ankles = motion[:, skeleton.root], [foot[0] for foot in feet(skeleton)]
+    progress = _progress(_demand(root, headings, fps))
+    most = MAX_STRIDE * leg_length(lengths, skeleton)
+    found: list[tuple[float, Array]] = []
+    n_steps = _count_steps(root, headings, fps)
+    while not found or _fastest(progress, n_steps, fps) >= FASTEST_STEP:
+        walk = _walk(motion, headings, progress, n_steps, fps, skeleton)
+        parting = np.linalg.norm((walk[:, ankles[0]] - walk[:, ankles[1]]) * [1, 0, 1], axis=1)
+        found.append((float(parting.max()), walk))
+        if found[-1][0] <= most:
+            return walk
+        n_steps += 1
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _fastest(progress: Array, n_steps: int, fps: float) -> float:
+    """Return the time of the shortest of so many steps, in seconds."""
+    borders = np.interp(np.arange(n_steps + 1) / n_steps, progress, np.arange(len(progress)))
+    return float(np.diff(borders).min()) / fps
+
+
+def _walk(
+    motion: Array, headings: Array, progress: Array, n_steps: int, fps: float, skeleton: Skeleton
+) -> Array:
+    """Return a motion ``(T, J, 3)`` of which the feet take so many steps in turn."""
     result, root = motion.copy(), motion[:, skeleton.root]
     ankles = [foot[0] for foot in feet(skeleton)]
-    n_steps = _count_steps(root, headings, fps)
     paths = [_beneath(motion, foot, headings, skeleton) for foot in feet(skeleton)]
-    progress = _progress(_demand(root, headings, fps))
     order = _order(motion[0, ankles] - root[0], root[-1] - root[0], headings[0])
     starts = [np.arange(turn, n_steps, 2) / n_steps for turn in (0, 1)]
     stops = [_stops(progress, own, 1 / n_steps) for own in starts]

@@ -9,7 +9,7 @@ from pacmo_core.finish.bones import leg_length, median_lengths, set_legs
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.learnt import nothing_learnt
 from pacmo_core.finish.stance import frame_runs
-from pacmo_core.finish.steps import STEP_HEIGHT, find_glides, find_lift, take_steps
+from pacmo_core.finish.steps import MAX_STRIDE, STEP_HEIGHT, find_glides, find_lift, take_steps
 from pacmo_core.finish.turns import find_collapses, turned
 from pacmo_core.formats.registry import open_format
 from tests.formats.real_files import real_folder
@@ -90,6 +90,14 @@ def test_strides_are_no_splits(metres: float) -> None:
     found = take_steps(in_a_second, LENGTHS, FPS, SBU15)
     apart = np.linalg.norm((found[:, FEET[0]] - found[:, FEET[1]])[:, [0, 2]], axis=1)
     assert apart.max() < 1.05 * leg_length(LENGTHS, SBU15)
+
+
+@pytest.mark.parametrize("metres", [0.8, 1.2])
+@pytest.mark.parametrize("turn", [-2.6, 2.6])
+def test_who_turns_to_walk_away_does_not_lunge(metres: float, turn: float) -> None:
+    feet = take_steps(glide(metres, turn), LENGTHS, FPS, SBU15)[:, FEET]
+    apart = np.linalg.norm((feet[:, 0] - feet[:, 1])[:, [0, 2]], axis=1)
+    assert apart.max() < (MAX_STRIDE + 0.01) * leg_length(LENGTHS, SBU15)
 
 
 @pytest.mark.parametrize("ahead", [0.25, -0.25])
