@@ -9,7 +9,6 @@ of the files (``check_people``).
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from pacmo_core.commands.captures import TwoPersonCapture
 from pacmo_core.commands.motion_checks import MAX_BELOW
 from pacmo_core.commands.peaks import (
     MAX_ACCELERATION,
-    angles,
     bone_names,
     bone_turns,
     find_peak,
@@ -32,22 +30,18 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.interaction_mesh.body_parts import (
-    RIGID,
-    ancestor_bones,
-    hinges,
-    scene_bone_kinds,
-    trunk_bends,
-    trunk_joints,
-)
 from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.mesh import support_steps
 from pacmo_core.interaction_mesh.report import (
-    MEDIAN_SECONDS,
-    PERCENTILE,
+    angle_changes,
+    angle_joints,
     bend_flips,
     mean_accelerations,
-    seam_ratios,
+    near_pairs,
+    pelvis_rises,
+    seams,
+    spine_bends,
+    trunk_errors,
 )
 from pacmo_core.interaction_mesh.scene import common_scale, naive_scaling, scale_scene
 
@@ -141,36 +135,33 @@ class Places:
         row, point = (int(i) for i in np.unravel_index(faults.argmax(), faults.shape))
         return f"person {self._whose(point)}, {self._name(point)} {self._when(row + first)}"
 
+    @property
+    def _motions(self) -> Array:
+        """``(T, N, 3, 1)`` metres, as measurements want it."""
+        return self.motion[..., None]
+
     def _nowhere(self) -> Array:
         return np.full(self.motion.shape[:2], -np.inf)
 
-    def _hinges(self, name: str) -> Array:
-        faults = self._nowhere()
-        pairs, names = hinges(self.scene)
-        for (upper, lower), hinge in zip(pairs.tolist(), names, strict=True):
-            if name.startswith(hinge):
-                faults[:, self.scene.bones[lower, 0]] = np.abs(self._bend(upper, lower))
+    def _angles(self, name: str) -> Array:
+        faults, angle = self._nowhere(), name.removesuffix("_change_p95")
+        for person in range(2):
+            changes = angle_changes(self.scene, self._motions, person, angle)[..., 0]
+            faults[:, angle_joints(self.scene, person, angle)] = changes
         return faults
 
-    def _spine(self, name: str) -> Array:
-        """Bends of the spine; of ``spine_change_p95`` those of bones on which both arms hang."""
-        faults, is_change = self._nowhere(), name == "spine_change_p95"
-        pairs, of_pairs = trunk_bends(self.scene)
-        kinds, ancestors = scene_bone_kinds(self.scene), ancestor_bones(self.scene)
-        arms = [row for row, kind in enumerate(kinds) if kind == "upper_arm"]
-        n_arms = ancestors[self.scene.bones[arms, 0]].sum(axis=0)
-        for first, second in pairs[of_pairs != RIGID].tolist():
-            if not is_change or n_arms[second] > 1:
-                bend, joint = self._bend(first, second), self.scene.bones[second, 0]
-                faults[:, joint] = np.maximum(faults[:, joint], np.abs(bend) if is_change else bend)
+    def _spine_bends(self, _name: str) -> Array:
+        faults, (joints, bends) = self._nowhere(), spine_bends(self.scene, self._motions)
+        for joint, bend in zip(joints, bends[..., 0].T, strict=True):
+            faults[:, joint] = np.maximum(faults[:, joint], bend)
         return faults
 
     def _pelvis(self, _name: str) -> Array:
-        faults, ground = self._nowhere(), self.scene.ground_height
+        faults = self._nowhere()
         for person in range(2):
             root = self._joints(person).start + self.scene.skeletons[person].root
-            before, after = (m[:, root, 1] - ground for m in (self.scene.points, self.motion))
-            faults[:, root] = np.abs(after - self._leg_scale(person) * before)
+            rises = pelvis_rises(self.scene, self.scales[None], self._motions, person)
+            faults[:, root] = np.abs(rises[:, 0])
         return faults
 
     def _support_heights(self, _name: str) -> Array:
@@ -190,65 +181,52 @@ class Places:
         faults: Array = np.full_like(of_joints, -np.inf)
         if not len(faults):
             return faults
-        radius = max(1, round(MEDIAN_SECONDS * self.scene.fps))
         for person in range(2):
             joints = self._joints(person)
-            before, after = (
-                mean_accelerations(motion[:, joints, :, None])
-                for motion in (self.scene.points, self.motion)
-            )
+            source, body = self.scene.points[:, joints, :, None], self._motions[:, joints]
             if name == "seam_ratio":
-                ratios = seam_ratios(after, radius) / np.maximum(1, seam_ratios(before, radius))
+                ratios = seams(source, body, self.scene.fps)
             else:
-                ratios = after / max(before.max(), TINY)
+                ratios = mean_accelerations(body) / max(mean_accelerations(source).max(), TINY)
             frame = int(ratios.argmax())
             of_frame = of_joints[frame, joints]
             faults[frame, joints] = ratios[frame, 0] * of_frame / max(of_frame.max(), TINY)
         return faults
 
     def _lost_contact(self, _name: str) -> str:
-        n_a, worst = self.scene.n_joints[0], (0.0, 0, 0, 0)
-        for joint in range(n_a):  # all pairs at once would take too much memory
-            before, after = (
-                np.linalg.norm(motion[:, n_a:] - motion[:, joint, None], axis=-1)
-                for motion in (self.scene.points, self.motion)
-            )
-            lost = np.where(before < self.contact_distance, after, 0.0)
-            row, other = (int(i) for i in np.unravel_index(lost.argmax(), lost.shape))
-            worst = max(worst, (float(lost.max()), row, joint, n_a + other))
-        apart, frame, first, second = worst
-        if apart < self.contact_distance:
-            return ""
-        return f"{self._two(first, second)}, {100 * apart:.1f} cm apart {self._when(frame)}"
+        apart, place = self.contact_distance, ""
+        for pairs in near_pairs(self.scene, self._motions, self.contact_distance):
+            row = int(pairs.after.argmax()) if len(pairs.after) else 0
+            if len(pairs.after) and pairs.after[row, 0] >= apart:
+                apart = float(pairs.after[row, 0])
+                two = self._two(pairs.joint_a[row], self.scene.n_joints[0] + pairs.joint_b[row])
+                place = f"{two}, {100 * apart:.1f} cm apart {self._when(int(pairs.frame[row]))}"
+        return place
 
     def near_pairs(self) -> list[str]:
         """Return the near pairs whose distances change most beyond what scaling changes.
 
         The worst first, each in its worst frame; a joint is in one of them.
         """
-        n_a, scaled = self.scene.n_joints[0], naive_scaling(self.scene, self.scales[None])[..., 0]
-        worst, frames = (np.zeros(self.scene.n_joints, kind) for kind in (np.float64, np.intp))
-
-        def distances(motion: Array, joint: int) -> Array:
-            apart: Array = np.linalg.norm(motion[:, n_a:] - motion[:, joint, None], axis=-1)
-            return apart
-
-        motions = (self.scene.points, self.motion, scaled)
-        for joint in range(n_a):  # all pairs at once would take too much memory
-            before, after, naive = (distances(motion, joint) for motion in motions)
-            excess = np.abs(after - before) - np.abs(naive - before)
-            excess = np.where(before < self.near_distance, excess, 0.0)
-            worst[joint], frames[joint] = excess.max(axis=0), excess.argmax(axis=0)
-        texts = list[str]()
-        while len(texts) < MAX_PAIRS and worst.max() > MIN_LOSS:
-            i, j = (int(k) for k in np.unravel_index(worst.argmax(), worst.shape))
-            frame = int(frames[i, j])
-            captured, apart, naive = (100 * distances(m, i)[frame, j] for m in motions)
+        both = np.stack(
+            [self.motion, naive_scaling(self.scene, self.scales[None])[..., 0]], axis=-1
+        )
+        found = list(near_pairs(self.scene, both, self.near_distance))
+        frames, first, second, captured, after = (
+            np.concatenate(values)
+            for values in zip(*(vars(pairs).values() for pairs in found), strict=True)
+        )
+        change, scaled = np.abs(after - captured[:, None]).T
+        excess, texts = change - scaled, list[str]()
+        while len(texts) < MAX_PAIRS and excess.max(initial=0.0) > MIN_LOSS:
+            row = int(excess.argmax())
+            apart, naive = 100 * after[row]
             texts.append(
-                f"{self._two(i, n_a + j)}, {apart:.1f} cm apart {self._when(frame)}, "
-                f"{captured:.1f} cm in the capture, {naive:.1f} cm if only scaled"
+                f"{self._two(first[row], self.scene.n_joints[0] + second[row])}, "
+                f"{apart:.1f} cm apart {self._when(int(frames[row]))}, "
+                f"{100 * captured[row]:.1f} cm in the capture, {naive:.1f} cm if only scaled"
             )
-            worst[i], worst[:, j] = 0, 0
+            excess[(first == first[row]) | (second == second[row])] = 0
         return texts
 
     def _deepest(self, _name: str) -> str:
@@ -263,17 +241,8 @@ class Places:
         return f"bones to {self._two(*ends)} {self._when(frame)}"
 
     def _trunk(self, _name: str) -> str:
-        expected = naive_scaling(self.scene, self.scales[None])[..., 0]
-        worst = (-1.0, 0, 0)
-        for joints in trunk_joints(self.scene):
-            for i, j in combinations(joints.tolist(), 2):
-                own, wanted = (
-                    np.linalg.norm(motion[:, i] - motion[:, j], axis=-1)
-                    for motion in (self.motion, expected)
-                )
-                errors = np.abs(own / np.maximum(wanted, TINY) - 1)
-                worst = max(worst, (float(np.percentile(errors, PERCENTILE)), i, j))
-        _, i, j = worst
+        pairs, errors = trunk_errors(self.scene, self.scales[None], self._motions)
+        i, j = pairs[int(errors.argmax())]
         return f"person {self._whose(i)}, {self._name(i)} and {self._name(j)}"
 
     def _first_flip(self, name: str) -> str:
@@ -285,21 +254,6 @@ class Places:
 
         frame = bisect_left(range(1, len(self.motion) + 1), x=True, key=flips)
         return f"person {PEOPLE[person]}, first {self._when(frame)}"
-
-    def _bend(self, first: int, second: int) -> Array:
-        """``(T,)`` degrees by which two bones bend further than in the source."""
-        before, after = (
-            angles(*(_along(motion, self.scene.bones[row]) for row in (first, second)))
-            for motion in (self.scene.points, self.motion)
-        )
-        return after - before
-
-    def _leg_scale(self, person: int) -> float:
-        kinds, first = scene_bone_kinds(self.scene), self.scene.n_bones[0] * person
-        own = range(first, first + self.scene.n_bones[person])
-        legs = [row for row in own if kinds[row] in ("thigh", "shin")] or list(own)
-        lengths = np.linalg.norm(self.scene.bone_vectors[:, legs], axis=-1).mean(axis=0)
-        return float(np.average(self.scales[legs], weights=lengths))
 
     def _joints(self, person: int) -> slice:
         n_a = self.scene.n_joints[0]
@@ -463,18 +417,13 @@ def captured_turn_lines(
             )
 
 
-def _along(motion: Array, bone: NDArray[np.intp]) -> Array:
-    along: Array = motion[:, bone[1]] - motion[:, bone[0]]
-    return along
-
-
 # What is compared at each joint in each frame, by the name of the measurement: (T, N), or fewer
 # frames of speeds; minus infinity where there is nothing to compare.
 _FAULTS: dict[str, Callable[[Places, str], Array]] = {
-    "knee_change_p95": Places._hinges,
-    "elbow_change_p95": Places._hinges,
-    "spine_change_p95": Places._spine,
-    "spine_bend": Places._spine,
+    "knee_change_p95": Places._angles,
+    "elbow_change_p95": Places._angles,
+    "spine_change_p95": Places._angles,
+    "spine_bend": Places._spine_bends,
     "pelvis_height_error": Places._pelvis,
     "support_height_error": Places._support_heights,
     "added_foot_skate": Places._skates,

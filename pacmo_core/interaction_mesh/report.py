@@ -5,6 +5,7 @@ contacts and penetration with the source at the same frame, all without the scal
 have in common: a scene that is scaled as a whole has no fault.
 """
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import inf
@@ -206,7 +207,7 @@ def _measure_person(
     skate = [_foot_skate(p, is_support[:, joints], scene.fps) for p in (body, source)]
     flips = bend_flips(scene, points, person)
     measures = {
-        "pelvis_height_error": _pelvis_height_error(scene, scales, points, person),
+        "pelvis_height_error": _mean(np.abs(pelvis_rises(scene, scales, points, person))),
         "support_height_error": _support_height_error(source, body, is_support[:, joints]),
         "below_floor": (lowest - body[:, :, 1].min(axis=(0, 1))).clip(min=0),
         "added_foot_skate": skate[0] - skate[1],
@@ -234,21 +235,31 @@ def angle_changes(scene: Scene, points: Array, person: int, name: str) -> Array:
     the trunk, from the middle of the hips to the middle of the shoulders. Spine: between
     consecutive bones from the root to where the arms begin.
     """
-    pairs = [
-        (_vectors(scene.points[..., None], first), _vectors(scene.points[..., None], second),
-         _vectors(points, first), _vectors(points, second))
-        for first, second in _angle_vectors(scene, person, name)
-    ]  # fmt: skip
-    changes = [np.abs(_angle(c, d) - _angle(a, b)) for a, b, c, d in pairs]
+    pairs = [vectors for _, *vectors in _angle_vectors(scene, person, name)]
+    return np.abs(_bends(scene, points, pairs))
+
+
+def angle_joints(scene: Scene, person: int, name: str) -> list[int]:
+    """List the joints, of both people together, at which ``angle_changes`` are."""
+    return [joint for joint, *_ in _angle_vectors(scene, person, name)]
+
+
+def _bends(scene: Scene, points: Array, pairs: Iterable[Sequence["_Vector"]]) -> Array:
+    """``(T, K, V)`` degrees by which angles between two vectors are larger than in the source."""
     empty = np.zeros((len(points), 0, points.shape[-1]))
-    return np.stack(changes, axis=1) if changes else empty
+    bends = [
+        _angle(*(_vectors(points, vector) for vector in pair))
+        - _angle(*(_vectors(scene.points[..., None], vector) for vector in pair))
+        for pair in pairs
+    ]
+    return np.stack(bends, axis=1) if bends else empty
 
 
 _Vector = tuple[list[int], list[int]]  # from the middle of some points to that of others
 
 
-def _angle_vectors(scene: Scene, person: int, name: str) -> list[tuple[_Vector, _Vector]]:
-    """List the two vectors between which each angle of one name is measured."""
+def _angle_vectors(scene: Scene, person: int, name: str) -> list[tuple[int, _Vector, _Vector]]:
+    """List the joint of each angle of one name, and the two vectors between which it is."""
     bones = [_bone_vector(scene, row) for row in range(len(scene.bones))]
     kinds = scene_bone_kinds(scene)
     first = scene.n_bones[0] if person else 0
@@ -256,7 +267,11 @@ def _angle_vectors(scene: Scene, person: int, name: str) -> list[tuple[_Vector, 
     if name in ("knee", "elbow"):
         pairs, names = hinges(scene)
         rows = [pair for pair, n in zip(pairs.tolist(), names, strict=True) if n == name]
-        return [(bones[upper], bones[lower]) for upper, lower in rows if lower in own]
+        return [
+            (int(scene.bones[lower, 0]), bones[upper], bones[lower])
+            for upper, lower in rows
+            if lower in own
+        ]
     upper = {"hip": "thigh", "shoulder": "upper_arm"}
     roots = {k: [row for row in own if kinds[row] == k] for k in upper.values()}
     if not all(roots.values()):
@@ -264,10 +279,13 @@ def _angle_vectors(scene: Scene, person: int, name: str) -> list[tuple[_Vector, 
     hips, shoulders = ([int(scene.bones[row, 0]) for row in rows] for rows in roots.values())
     if name in upper:
         trunk = (hips, shoulders)
-        return [(trunk, bones[row]) for row in roots[upper[name]]]
+        return [(int(scene.bones[row, 0]), trunk, bones[row]) for row in roots[upper[name]]]
     chains = [_chain_to_root(scene, joint) for joint in shoulders]
     shared = [row for row in chains[0] if all(row in chain for chain in chains)]
-    return [(bones[lower], bones[upper]) for upper, lower in pairwise(shared)]
+    return [
+        (int(scene.bones[upper, 0]), bones[lower], bones[upper])
+        for upper, lower in pairwise(shared)
+    ]
 
 
 def _bone_vector(scene: Scene, row: int) -> _Vector:
@@ -307,8 +325,8 @@ def _is_within_reach(scene: Scene) -> NDArray[np.bool_]:
     return nearest < APART_DISTANCE
 
 
-def _pelvis_height_error(scene: Scene, scales: Array, points: Array, person: int) -> Array:
-    """``(V,)`` metres."""
+def pelvis_rises(scene: Scene, scales: Array, points: Array, person: int) -> Array:
+    """``(T, V)`` metres of a person's root above where legs of their scales carried it."""
     root = scene.n_joints[0] * person + scene.skeletons[person].root
     first = scene.n_bones[0] * person
     kinds = scene_bone_kinds(scene)
@@ -317,8 +335,8 @@ def _pelvis_height_error(scene: Scene, scales: Array, points: Array, person: int
     lengths = np.linalg.norm(scene.bone_vectors[:, legs], axis=-1).mean(axis=0)
     leg_scale = np.average(scales[:, legs], axis=1, weights=lengths)
     before = scene.points[:, root, 1, None] - scene.ground_height
-    error = points[:, root, 1] - scene.ground_height - leg_scale * before
-    return _mean(np.abs(error))
+    rises: Array = points[:, root, 1] - scene.ground_height - leg_scale * before
+    return rises
 
 
 def _support_height_error(source: Array, body: Array, is_support: NDArray[np.bool_]) -> Array:
@@ -334,30 +352,44 @@ def _support_height_error(source: Array, body: Array, is_support: NDArray[np.boo
 
 def trunk_change(scene: Scene, scales: Array, points: Array) -> Array:
     """Return ``Report.trunk_change``, (V,); zero without a trunk."""
-    expected, largest = naive_scaling(scene, scales), np.zeros(len(scales))
-    for joints in trunk_joints(scene):
-        for i, j in combinations(joints.tolist(), 2):
-            shortest = np.finfo(np.float32).tiny
-            ratios = _lengths(points[:, i] - points[:, j]) / np.maximum(
-                _lengths(expected[:, i] - expected[:, j]), shortest
-            )
-            changes = np.percentile(np.abs(ratios - 1), PERCENTILE, axis=0)
-            largest = np.maximum(largest, changes)
+    largest: Array = trunk_errors(scene, scales, points)[1].max(axis=0, initial=0.0)
     return largest
+
+
+def trunk_errors(scene: Scene, scales: Array, points: Array) -> tuple[list[tuple[int, int]], Array]:
+    """List the pairs of joints of a trunk, and their errors that ``trunk_change`` compares.
+
+    Returns
+    -------
+    (K,) pairs, and (K, V): of each the 95th percentile over frames of its relative error
+    """
+    expected, shortest = naive_scaling(scene, scales), np.finfo(np.float32).tiny
+    pairs = [pair for joints in trunk_joints(scene) for pair in combinations(joints.tolist(), 2)]
+    errors = np.zeros((len(pairs), len(scales)))
+    for row, (i, j) in enumerate(pairs):
+        wanted = np.maximum(_lengths(expected[:, i] - expected[:, j]), shortest)
+        ratios = _lengths(points[:, i] - points[:, j]) / wanted
+        errors[row] = np.percentile(np.abs(ratios - 1), PERCENTILE, axis=0)
+    return pairs, errors
 
 
 def spine_bend(scene: Scene, points: Array) -> Array:
     """Return ``Report.spine_bend``, (V,); zero without a spine."""
-    pairs, kinds = trunk_bends(scene)
-    largest = np.zeros(points.shape[-1])
-    for first, second in pairs[kinds != RIGID].tolist():
-        bones = [_bone_vector(scene, row) for row in (first, second)]
-        before, after = (
-            _angle(*(_vectors(motion, bone) for bone in bones))
-            for motion in (scene.points[..., None], points)
-        )
-        largest = np.maximum(largest, (after - before).max(axis=0))
+    largest: Array = spine_bends(scene, points)[1].max(axis=(0, 1), initial=0.0)
     return largest
+
+
+def spine_bends(scene: Scene, points: Array) -> tuple[list[int], Array]:
+    """List the joints between the bones of spine and neck, and their bends.
+
+    Returns
+    -------
+    (K,) joints, and (T, K, V) degrees by which the two bones of each bend more than in the source
+    """
+    pairs, kinds = trunk_bends(scene)
+    rows = pairs[kinds != RIGID].tolist()
+    bends = _bends(scene, points, [[_bone_vector(scene, row) for row in pair] for pair in rows])
+    return [int(scene.bones[second, 0]) for _, second in rows], bends
 
 
 def _lengths(vectors: Array) -> Array:
@@ -371,34 +403,57 @@ def contacts_kept(scene: Scene, points: Array, distance: float, slack: float) ->
 
     Without contacts all are kept.
     """
-    n_a = scene.n_joints[0]
     total, count = np.zeros(points.shape[-1]), 0
-    for first in range(0, len(points), FRAMES_PER_BATCH):
-        batch = slice(first, first + FRAMES_PER_BATCH)
-        a, b = np.split(scene.points[batch], [n_a], axis=1)
-        before = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
-        frame, i, j = np.nonzero(before < distance)
-        vectors = points[batch][frame, i] - points[batch][frame, n_a + j]
-        after = np.einsum("pcv,pcv->pv", vectors, vectors)
-        total += (after < (distance + slack) ** 2).sum(axis=0)
-        count += len(frame)
+    for pairs in near_pairs(scene, points, distance):
+        total += (pairs.after < distance + slack).sum(axis=0)
+        count += len(pairs.frame)
     return total / count if count else np.ones(len(total))
 
 
 def near_distance_error(scene: Scene, settings: Settings, points: Array) -> Array:
     """Return ``Report.near_distance_error``, (V,); zero without near pairs."""
     total, count = np.zeros(points.shape[-1]), 0
+    for pairs in near_pairs(scene, points, settings.near_distance):
+        total += np.abs(pairs.after - pairs.before[:, None]).sum(axis=0)
+        count += len(pairs.frame)
+    return total / max(1, count)
+
+
+@dataclass(frozen=True)
+class NearPairs:
+    """Pairs of joints of the two people that are near in the source.
+
+    Parameters
+    ----------
+    frame, joint_a, joint_b : (P,) frames, and joints of each person
+    before : (P,) metres, their distances in the source
+    after : (P, V) metres, in motions
+    """
+
+    frame: NDArray[np.intp]
+    joint_a: NDArray[np.intp]
+    joint_b: NDArray[np.intp]
+    before: Array
+    after: Array
+
+
+def near_pairs(scene: Scene, points: Array, distance: float) -> Iterator[NearPairs]:
+    """Yield the pairs and frames that are within a distance in the source, some frames at a time.
+
+    Parameters
+    ----------
+    points : (T, N, 3, V) metres
+    distance : metres
+    """
+    n_a = scene.n_joints[0]
     for first in range(0, len(points), FRAMES_PER_BATCH):
         batch = slice(first, first + FRAMES_PER_BATCH)
-        poses, varied = scene.points[batch], points[batch]
-        a, b = np.split(poses, [scene.n_joints[0]], axis=1)
+        a, b = np.split(scene.points[batch], [n_a], axis=1)
         before = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
-        frames, joints_a, joints_b = np.nonzero(before < settings.near_distance)
-        vectors = varied[frames, joints_a] - varied[frames, scene.n_joints[0] + joints_b]
+        frame, i, j = np.nonzero(before < distance)
+        vectors = points[batch][frame, i] - points[batch][frame, n_a + j]
         after = np.sqrt(np.einsum("pcv,pcv->pv", vectors, vectors))
-        total += np.abs(after - before[frames, joints_a, joints_b, None]).sum(axis=0)
-        count += len(frames)
-    return total / max(1, count)
+        yield NearPairs(first + frame, i, j, before[frame, i, j], after)
 
 
 def peak_acceleration_ratio(source: Array, body: Array) -> Array:
@@ -418,21 +473,26 @@ def peak_acceleration_ratio(source: Array, body: Array) -> Array:
 def seam_ratio(scene: Scene, points: Array) -> Array:
     """Return ``Report.seam_ratio`` of motions (T, N, 3, V), (V,)."""
     n_a = scene.n_joints[0]
-    a, b = (
-        _seam_ratio_of_person(scene.points[:, joints, :, None], points[:, joints], scene.fps)
-        for joints in (slice(None, n_a), slice(n_a, None))
-    )
-    return np.maximum(a, b)
+    if len(points) < 3:
+        return np.ones(points.shape[-1])
+    largest: Array = np.concatenate(
+        [
+            seams(scene.points[:, joints, :, None], points[:, joints], scene.fps)
+            for joints in (slice(None, n_a), slice(n_a, None))
+        ]
+    ).max(axis=0)
+    return largest
 
 
-def _seam_ratio_of_person(source: Array, body: Array, fps: float) -> Array:
-    if len(source) < 3:
-        return np.ones(body.shape[-1])
+def seams(source: Array, body: Array, fps: float) -> Array:
+    """``(F, V)``: accelerations of one person over those of the frames around.
+
+    Relative to the source's own ratios, where those are above 1.
+    """
     radius = max(1, round(MEDIAN_SECONDS * fps))
     before = seam_ratios(mean_accelerations(source), radius)
-    ratios = seam_ratios(mean_accelerations(body), radius) / np.maximum(1, before)
-    largest: Array = ratios.max(axis=0)
-    return largest
+    ratios: Array = seam_ratios(mean_accelerations(body), radius) / np.maximum(1, before)
+    return ratios
 
 
 def mean_accelerations(points: Array) -> Array:
@@ -487,7 +547,7 @@ def bend_flips(scene: Scene, points: Array, person: int) -> dict[str, Array]:
     fractions = {}
     for name in ("knee", "elbow"):
         flipped = np.zeros((len(points), points.shape[-1]), dtype=np.bool_)
-        for upper, lower in _angle_vectors(scene, person, name):
+        for _, upper, lower in _angle_vectors(scene, person, name):
             source = scene.points[..., None]
             before, was_bent = _bend_normal(source, upper, lower)
             after, is_bent = _bend_normal(points, upper, lower)
