@@ -67,7 +67,7 @@ PROFILES = {
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyBones:
     """The bones of one person.
 
     Parameters
@@ -102,7 +102,7 @@ class Body:
         return ", ".join(sorted(segment.name for segment in self.segments))
 
 
-def measure_body(motion: Motion, skeleton: Skeleton) -> Body:
+def measure_body(motion: Motion, skeleton: Skeleton) -> BodyBones:
     """Measure the bone lengths of a person.
 
     Parameters
@@ -110,10 +110,10 @@ def measure_body(motion: Motion, skeleton: Skeleton) -> Body:
     motion : (T, J, 3) metres
     """
     lengths = np.median(bone_lengths(motion, skeleton), axis=0).astype(np.float64)
-    return Body(segments(skeleton), lengths)
+    return BodyBones(segments(skeleton), lengths)
 
 
-def segment_scales(body: Body, factors: Mapping[str, float]) -> Scales:
+def segment_scales(body: BodyBones, factors: Mapping[str, float]) -> Scales:
     """Return the bone scales ``(E,)`` for factors of segments; ``uniform`` multiplies all of them.
 
     Raises
@@ -129,7 +129,7 @@ def segment_scales(body: Body, factors: Mapping[str, float]) -> Scales:
     return np.array([uniform * factors.get(segment.name, 1.0) for segment in body.segments])
 
 
-def profile_scales(body: Body, name: str) -> Scales:
+def profile_scales(body: BodyBones, name: str) -> Scales:
     """Return the bone scales ``(E,)`` to the stature and proportions of a profile.
 
     Raises
@@ -162,7 +162,7 @@ class Population:
     random_seed: int
 
 
-def sample_scales(body: Body, population: Population, name: str) -> Scales:
+def sample_scales(body: BodyBones, population: Population, name: str) -> Scales:
     """Sample a random body: bone scales ``(E,)`` from a log-normal population.
 
     The same name gives the same stature on any skeleton and, for corresponding segments, the same

@@ -14,7 +14,7 @@ import numpy as np
 
 from pacmo_core.augmentation.bodies import (
     UNIFORM,
-    Body,
+    BodyBones,
     Population,
     Scales,
     profile_scales,
@@ -107,7 +107,9 @@ class Variation:
         return any((scales != 1).any() for scales in self.scales)
 
 
-def plan_variations(plan: Plan, bodies: tuple[Body, Body], source: str) -> list[Variation]:
+def plan_variations(
+    plan: Plan, bodies: tuple[BodyBones, BodyBones], source: str
+) -> list[Variation]:
     """List the variations of one source, sorted by name.
 
     Parameters
@@ -152,7 +154,7 @@ def check_scale(what: str, scale: float) -> None:
         raise ValueError(f"{what} must be positive numbers; got {scale}")
 
 
-def _whole_body_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
+def _whole_body_variations(plan: Plan, bodies: tuple[BodyBones, BodyBones]) -> Iterator[Variation]:
     """Change all bones of one body: uniformly, or to a profile."""
     for person in plan.people:
         index = PEOPLE.index(person)
@@ -164,7 +166,9 @@ def _whole_body_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Va
             yield Variation(f"{person}-{name}", "profile", scales)
 
 
-def _single_bone_variations(plan: Plan, bodies: tuple[Body, Body], source: str) -> list[Variation]:
+def _single_bone_variations(
+    plan: Plan, bodies: tuple[BodyBones, BodyBones], source: str
+) -> list[Variation]:
     """Change one bone of one body; the variations with the lowest hashes."""
     variations = []
     for person in plan.people:
@@ -183,7 +187,7 @@ def _single_bone_variations(plan: Plan, bodies: tuple[Body, Body], source: str) 
     return sorted(changed, key=rank)[: plan.single.max_variations]
 
 
-def _random_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
+def _random_variations(plan: Plan, bodies: tuple[BodyBones, BodyBones]) -> Iterator[Variation]:
     """Sample the bodies of both people."""
     for number in range(plan.n_random):
         name = f"r{number:04d}"
@@ -194,7 +198,7 @@ def _random_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variat
         yield Variation(name, "random", (a, b))
 
 
-def _matching_segments(body: Body, patterns: tuple[str, ...]) -> list[str]:
+def _matching_segments(body: BodyBones, patterns: tuple[str, ...]) -> list[str]:
     """List the segments that match a pattern, each once."""
     selected: dict[str, None] = {}
     for pattern in patterns:
@@ -211,7 +215,9 @@ def _matching_segments(body: Body, patterns: tuple[str, ...]) -> list[str]:
     return list(selected)
 
 
-def _for_person(bodies: tuple[Body, Body], index: int, scales: Scales) -> tuple[Scales, Scales]:
+def _for_person(
+    bodies: tuple[BodyBones, BodyBones], index: int, scales: Scales
+) -> tuple[Scales, Scales]:
     """Return the scales of both people where only one changes."""
     both = [np.ones(len(body.segments)) for body in bodies]
     both[index] = scales

@@ -19,7 +19,7 @@ from ruamel.yaml.error import YAMLError
 from pacmo_core.augmentation.bodies import (
     PROFILES,
     UNIFORM,
-    Body,
+    BodyBones,
     measure_body,
     profile_scales,
     segment_scales,
@@ -304,7 +304,7 @@ def requested_scales(
     return result[0], result[1]
 
 
-def known_segment_scales(body: Body, factors: Mapping[str, float]) -> Scales:
+def known_segment_scales(body: BodyBones, factors: Mapping[str, float]) -> Scales:
     """Return the bone scales ``(E,)`` for factors of segments.
 
     Raises

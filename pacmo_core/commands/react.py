@@ -51,7 +51,7 @@ from pacmo_core.commands.weights import (
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.finish.body import Body
+from pacmo_core.finish.body import TargetBody
 from pacmo_core.formats.inference import implausible
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import sample_times
@@ -393,7 +393,7 @@ class Sampling:
 
     model: ReactionModel
     partner: PartnerMotion
-    body: Body | None
+    body: TargetBody | None
     finish: bool
     random: torch.Generator
 

@@ -25,7 +25,7 @@ from pacmo_core.commands.reading import (
 )
 from pacmo_core.commands.rig import TargetRig, read_rig, rig_of
 from pacmo_core.data.skeleton import OBJECT, Skeleton
-from pacmo_core.finish.body import Body, body_of
+from pacmo_core.finish.body import TargetBody, body_of
 from pacmo_core.formats.registry import (
     ONE_PERSON_FORMATS,
     PersonMotion,
@@ -63,7 +63,7 @@ class ReactingPeople:
     body_text: str = Reactions.body
 
     @property
-    def body(self) -> Body | None:
+    def body(self) -> TargetBody | None:
         """The body of the person who reacts, if it is known."""
         if self.measured:
             return body_of(self.measured.motion, self.measured.skeleton)

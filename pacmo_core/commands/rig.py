@@ -22,7 +22,7 @@ from pacmo_core.commands.reading import (
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import upright_frames
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.finish.body import Body, body_of
+from pacmo_core.finish.body import TargetBody, body_of
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.bvh_channels import format_file
 from pacmo_core.formats.bvh_pairs import BvhPairs
@@ -58,7 +58,7 @@ class TargetRig:
     named: str
 
     @property
-    def body(self) -> Body:
+    def body(self) -> TargetBody:
         """The body, in the joints of the model, standing upright."""
         motion, skeleton = self.motion.motion, self.motion.skeleton
         return body_of(motion[upright_frames(motion, skeleton)], skeleton)

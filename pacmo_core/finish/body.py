@@ -50,7 +50,7 @@ class Pelvis:
 
 
 @dataclass(frozen=True)
-class Body:
+class TargetBody:
     """A body that a motion is given.
 
     Parameters
@@ -77,16 +77,16 @@ def find_pelvis(skeleton: Skeleton) -> Pelvis | None:
     return None
 
 
-def body_of(motion: Motion, skeleton: Skeleton) -> Body:
+def body_of(motion: Motion, skeleton: Skeleton) -> TargetBody:
     """Measure the body of a motion ``(T, J, 3)``, metres: medians over time."""
     lengths, pelvis = median_lengths(motion, skeleton), find_pelvis(skeleton)
     if pelvis is None:
-        return Body(lengths)
+        return TargetBody(lengths)
     joints = motion.astype(np.float64)
     middle, axes = pelvis.frame(joints)
     roots = np.einsum("tx,txa->ta", joints[:, pelvis.root] - middle, axes)
     apart = np.linalg.norm(joints[:, pelvis.left] - joints[:, pelvis.right], axis=-1)
-    return Body(lengths, np.median(roots, axis=0), float(np.median(apart)))
+    return TargetBody(lengths, np.median(roots, axis=0), float(np.median(apart)))
 
 
 def is_plausible(lengths: Array, partner: Array, skeleton: Skeleton) -> bool:
@@ -103,7 +103,7 @@ def is_plausible(lengths: Array, partner: Array, skeleton: Skeleton) -> bool:
     return not feet(skeleton) or 1 / MAX_SIZE_RATIO <= ratio <= MAX_SIZE_RATIO
 
 
-def with_body(motion: Array, body: Body, ground: Array, skeleton: Skeleton) -> Array:
+def with_body(motion: Array, body: TargetBody, ground: Array, skeleton: Skeleton) -> Array:
     """Give a motion another body where it stands.
 
     Heights over the ground are in proportion to the legs; the pelvis is that of the body, the
@@ -113,7 +113,7 @@ def with_body(motion: Array, body: Body, ground: Array, skeleton: Skeleton) -> A
     Parameters
     ----------
     motion : (T, J, 3) metres, y up
-    body : Body
+    body : TargetBody
     ground : (T,) metres, height of the ground beneath the motion
     skeleton : of the motion
     """

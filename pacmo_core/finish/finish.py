@@ -33,7 +33,7 @@ from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.avoidance import avoid_partner
 from pacmo_core.finish.balance import keep_over_feet
-from pacmo_core.finish.body import Body, body_of, is_plausible, with_body
+from pacmo_core.finish.body import TargetBody, body_of, is_plausible, with_body
 from pacmo_core.finish.bones import (
     lengths_by_joint,
     median_lengths,
@@ -111,7 +111,7 @@ def finish(
     times: NDArray[np.float64],
     skeleton: Skeleton,
     learnt: Learnt,
-    body: Body | None = None,
+    body: TargetBody | None = None,
 ) -> Motion:
     """Return the reaction with exact bones, planted feet and closed contacts.
 

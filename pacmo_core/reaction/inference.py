@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.finish.body import Body
+from pacmo_core.finish.body import TargetBody
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.learning import fitted_on, learn
 from pacmo_core.operators.spline import Spline
@@ -113,7 +113,7 @@ def finish_reactions(
     model: ReactionModel,
     partner: PartnerMotion,
     reactions: Motion,
-    body: Body | None = None,
+    body: TargetBody | None = None,
 ) -> Motion:
     """Finish the reactions to one partner: exact bones, planted feet, closed contacts.
 

@@ -216,7 +216,7 @@ class FlowMatchingSettings(RegressionSettings):
 
 
 @dataclass(frozen=True)
-class StartSettings:
+class FineTuningSettings:
     """Weights of a generator that a training continues from, as on captures of one's own.
 
     Its normalisation is taken over too, and with it the durations that ``react`` does not divide
@@ -250,7 +250,7 @@ class PacmoSettings:
     """The ``train_pacmo`` section."""
 
     random_seed: int
-    start: StartSettings
+    start: FineTuningSettings
     device: str  # cpu, cuda, or auto: cuda where available
     n_points: int
     period: float

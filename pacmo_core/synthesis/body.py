@@ -42,7 +42,7 @@ SEGMENT_SPREAD = 0.025  # relative standard deviation of a segment; segments var
 
 
 @dataclass(frozen=True)
-class Body:
+class SyntheticBody:
     """Lengths of one body, metres; left and right are equal."""
 
     stature: float
@@ -109,7 +109,7 @@ class Subject:
 
     number: int
     sex: str
-    body: Body
+    body: SyntheticBody
     handedness: int
     tempo: float
     stoop: float
@@ -138,7 +138,7 @@ def sample_subject(population: int, number: int) -> Subject:
     return Subject(
         number=number,
         sex=sex,
-        body=Body(stature=stature, **lengths),
+        body=SyntheticBody(stature=stature, **lengths),
         handedness=1 if random.random() < 0.1 else -1,
         tempo=float(np.exp(random.normal(0.0, 0.08))),
         stoop=float(random.normal(0.04, 0.025)),

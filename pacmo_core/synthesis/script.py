@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from pacmo_core.synthesis.body import Body, Subject, sample_pair
+from pacmo_core.synthesis.body import Subject, SyntheticBody, sample_pair
 
 FPS = 30.0  # nominal frame rate of a Kinect
 MIN_DURATION, MAX_DURATION = 1.5, 4.0  # seconds
@@ -176,14 +176,14 @@ def _sample_hands(
     return hand_of[0], hand_of[1]
 
 
-def _clip_to_reach(level: float, bodies: list[Body]) -> float:
+def _clip_to_reach(level: float, bodies: list[SyntheticBody]) -> float:
     """Clip a height to the range that the arms of all bodies reach."""
     low = max(body.shoulder_height - 0.03 - MAX_CONTACT_HEIGHT * body.arm for body in bodies)
     high = min(body.shoulder_height - 0.03 + MAX_CONTACT_HEIGHT * body.arm for body in bodies)
     return min(max(level, low), high)
 
 
-def _reach_distance(body: Body, level: float, stretch: float, across: float) -> float:
+def _reach_distance(body: SyntheticBody, level: float, stretch: float, across: float) -> float:
     """Return the distance ahead of the pelvis of a hand at ``level``, for an arm extension.
 
     ``across`` is the distance, to the side, from the shoulder to the hand.
@@ -194,7 +194,11 @@ def _reach_distance(body: Body, level: float, stretch: float, across: float) -> 
 
 
 def _place_strike(
-    random: np.random.Generator, action: str, actor: Body, other: Body, hands: tuple[int, int]
+    random: np.random.Generator,
+    action: str,
+    actor: SyntheticBody,
+    other: SyntheticBody,
+    hands: tuple[int, int],
 ) -> Placement:
     """Sample the height of a strike, and positions in which it lands."""
     if action == "kick":

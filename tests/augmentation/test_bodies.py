@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.augmentation.bodies import (
-    Body,
+    BodyBones,
     Population,
     profile_scales,
     sample_scales,
@@ -15,13 +15,13 @@ from pacmo_core.data.skeleton import NTU25, SBU15
 from tests.data.test_segments import DUO27, PRIOR17
 
 
-def body(skeleton=NTU25, leg: float = 0.4) -> Body:
+def body(skeleton=NTU25, leg: float = 0.4) -> BodyBones:
     """Give every bone 0.2 m, thighs and shins ``leg``."""
     named = segments(skeleton)
-    return Body(named, np.array([leg if s.part == "leg" else 0.2 for s in named]))
+    return BodyBones(named, np.array([leg if s.part == "leg" else 0.2 for s in named]))
 
 
-def by_segment(measured: Body, scales: np.ndarray) -> dict[str, float]:
+def by_segment(measured: BodyBones, scales: np.ndarray) -> dict[str, float]:
     return dict(zip([s.name for s in measured.segments], scales.tolist(), strict=True))
 
 
@@ -64,7 +64,7 @@ def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
         segment_scales(body(), {"left_tail": 1.2})
     with pytest.raises(ValueError, match="no profile 'giant'; there are child, tall_adult"):
         profile_scales(body(), "giant")
-    legless = Body(segments(NTU25)[:4], np.ones(4))
+    legless = BodyBones(segments(NTU25)[:4], np.ones(4))
     with pytest.raises(ValueError, match="no thigh to estimate the stature from; segments: head"):
         profile_scales(legless, "child")
 

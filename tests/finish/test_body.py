@@ -6,7 +6,7 @@ import pytest
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.segments import upright_frames
 from pacmo_core.data.skeleton import NTU25, Skeleton
-from pacmo_core.finish.body import Body, body_of, find_pelvis, with_body
+from pacmo_core.finish.body import TargetBody, body_of, find_pelvis, with_body
 from tests.finish.test_floor import LEG, standing
 
 HIPS = NTU25.indices(["left_hip", "right_hip"])
@@ -26,7 +26,7 @@ def test_a_body_of_another_size_stands_where_it_stood(size):
     motion = body_above_ground()
     own = body_of(motion.astype(np.float32), NTU25)
     assert own.root is not None
-    body = Body(size * own.lengths, size * own.root, size * own.hip_distance)
+    body = TargetBody(size * own.lengths, size * own.root, size * own.hip_distance)
     found = with_body(motion, body, GROUND, NTU25)
     lengths = np.tile(body.lengths, (20, 1))
     np.testing.assert_allclose(bone_lengths(found, NTU25), lengths, atol=1e-6)
@@ -71,7 +71,7 @@ def test_without_hips_a_body_is_its_bones_alone():
     motion[:, 1, 1], motion[:, 2, 1] = 1, 3
     body = body_of(motion.astype(np.float32), chain)
     assert find_pelvis(chain) is None and body.root is None
-    longer = Body(2 * body.lengths)
+    longer = TargetBody(2 * body.lengths)
     found = with_body(motion, longer, np.zeros(4), chain)
     np.testing.assert_allclose(bone_lengths(found, chain), [[2, 4]] * 4, atol=1e-9)
 

@@ -11,7 +11,7 @@ from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.data.transforms import Frame
 from pacmo_core.finish import finish as finish_module
-from pacmo_core.finish.body import Body, is_plausible
+from pacmo_core.finish.body import TargetBody, is_plausible
 from pacmo_core.finish.contacts import end_effector_groups, no_contacts
 from pacmo_core.finish.finish import FrameFinish, finish
 from pacmo_core.finish.learnt import nothing_learnt
@@ -95,7 +95,7 @@ def test_a_body_of_given_bones_meets_the_hand_that_the_generated_one_meets(size)
     partner, reaction, times = standing()
     lengths = size * np.median(bone_lengths(reaction, SBU15), axis=0)
     before = gap(partner, reaction)
-    after = finish(reaction, partner, times, SBU15, CLOSING, Body(lengths))
+    after = finish(reaction, partner, times, SBU15, CLOSING, TargetBody(lengths))
     found = bone_lengths(after, SBU15)
     np.testing.assert_allclose(found, np.tile(lengths, (len(times), 1)), atol=1e-6)
     nearest = before.argmin()

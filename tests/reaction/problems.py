@@ -11,12 +11,12 @@ from pacmo_core.reaction.settings import (
     AugmentationSettings,
     AutoencoderSettings,
     ContactScoreSettings,
+    FineTuningSettings,
     FlowMatchingSettings,
     GruSettings,
     PacmoSettings,
     PartsSettings,
     RegressionSettings,
-    StartSettings,
 )
 
 REST = np.zeros((15, 3))
@@ -102,7 +102,7 @@ GRU = GruSettings(
 )
 PACMO = PacmoSettings(
     random_seed=0,
-    start=StartSettings("", "", 0.25),
+    start=FineTuningSettings("", "", 0.25),
     device="cpu",
     n_points=17,
     period=1.25,

@@ -9,7 +9,7 @@ import torch
 from pacmo_core.models import get_model
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.data import Condition
-from pacmo_core.reaction.settings import StartSettings
+from pacmo_core.reaction.settings import FineTuningSettings
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.loop import TrainingData
@@ -21,8 +21,8 @@ LABELLED = replace(SHORT, action_channels=2, action_dropout=0.5)
 LABELS = ["wave", "hug"] * 2
 
 
-def start(file: Path) -> StartSettings:
-    return StartSettings(str(file), file_hash(file), 0.25)
+def start(file: Path) -> FineTuningSettings:
+    return FineTuningSettings(str(file), file_hash(file), 0.25)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_another_file_than_stated_is_refused(trained: tuple[wgan.Generator, Path
     with pytest.raises(ValueError, match="weights.safetensors: wanted the SHA-256 000.*; got"):
         wgan.build_training(clips(4), replace(SHORT, start=wrong))
     with pytest.raises(ValueError, match="must both be stated, or none"):
-        StartSettings(str(file), "", 0.25)
+        FineTuningSettings(str(file), "", 0.25)
 
 
 def test_noise_is_that_of_training_whatever_the_temperature_of_the_file(
