@@ -32,7 +32,7 @@ MAX_PRIOR_BYTES = 1_000_000
 LICENCE = "Apache-2.0"
 LIMITS = (
     "Trained on synthetic motion of eleven scripted actions alone: the scores are those of new "
-    "synthetic people. On SBU's recorded partners (docs/results.md, Recorded partners) hands meet "
+    "synthetic people. On SBU's recorded partners (docs/results_recorded.md) hands meet "
     "in 0.72 of the reactions in which they should and in 0.27 of the others; half of the contacts "
     "are met, and one frame in seven without contact has one, which is not significantly different "
     "from a captured reaction to another partner; on those of CMU and on handovers fewer contacts "
@@ -121,7 +121,7 @@ def trained_on_line(weights: Path, *, synthetic_capture: bool | None) -> str:
     if not trained_on.is_synthetic or synthetic_capture:
         return text
     if synthetic_capture is None:
-        known = "on recorded partners fewer contacts are met (docs/results.md)"
+        known = "on recorded partners fewer contacts are met (docs/results_recorded.md)"
         unknown = "how such weights do on recorded motion is not known"
         return f"{text}; {known if weights == PACKAGED else unknown}"
     return f"{text}; this capture is recorded: the figures of the report do not apply to it"

@@ -40,7 +40,7 @@ def fitted_on(validation: Sequence[Clip], training: Sequence[Clip]) -> list[Clip
     Reactions to training partners are nearer to the captured ones than those to others, and would
     teach that a hand that stops short has not arrived. So training clips are taken only beside
     fewer than ``MIN_FITTED_CLIPS`` others: a finish that is fitted to the eight or nine validation
-    clips of a fold of SBU costs contacts (docs/results.md, *Fine-tuned on SBU*).
+    clips of a fold of SBU costs contacts (docs/results_recorded.md, *Fine-tuned*).
     """
     return [*validation, *(training if len(validation) < MIN_FITTED_CLIPS else [])]
 
