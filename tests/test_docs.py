@@ -85,6 +85,28 @@ def test_pages_refer_to_pages_and_pictures_that_are_there() -> None:
             assert (page.parent / target).exists(), f"{page.name} refers to {target}"
 
 
+def anchors(page: Path) -> set[str]:
+    """List what links to parts of a page may name: headings as GitHub spells them, and ids."""
+    text = page.read_text(encoding="utf-8")
+    headings = [
+        re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).lower()
+        for heading in re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    ]
+    ids = re.findall(r'<a id="([^"]+)"', text)
+    return {re.sub(r"[^\w\- ]", "", heading).strip().replace(" ", "-") for heading in headings} | {
+        *ids
+    }
+
+
+def test_links_to_a_part_of_a_page_name_one_that_is_there() -> None:
+    for page in PAGES:
+        for target, part in re.findall(
+            r"\]\(([\w./-]*)#([\w-]+)\)", page.read_text(encoding="utf-8")
+        ):
+            of = page.parent / target if target else page
+            assert of.suffix != ".md" or part in anchors(of), f"{page.name}: {target}#{part}"
+
+
 def test_python_in_the_documentation_compiles_and_imports_names_that_exist() -> None:
     for page in PAGES:
         for block in (block for block in blocks(page) if block.language == "python"):
