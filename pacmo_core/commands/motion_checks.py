@@ -40,7 +40,7 @@ from pacmo_core.finish.floor import find_floor
 from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import frame_rate
-from pacmo_core.interaction_mesh.capsules import penetration_depths
+from pacmo_core.interaction_mesh.proximity import penetration_depths
 from pacmo_core.interaction_mesh.scene import MIN_LENGTH, Scene
 from pacmo_core.metrics.plausibility import find_body_joints
 from pacmo_core.metrics.touching import TouchName, has_hands, is_as_asked, least_gap, touches

@@ -30,14 +30,13 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.mesh import support_steps
+from pacmo_core.interaction_mesh.proximity import near_pairs, penetration_depths
 from pacmo_core.interaction_mesh.report import (
     angle_changes,
     angle_joints,
     bend_flips,
     mean_accelerations,
-    near_pairs,
     pelvis_rises,
     seams,
     spine_bends,

@@ -19,8 +19,8 @@ from pacmo_core.interaction_mesh.body_parts import (
     hinges,
     trunk_bends,
 )
-from pacmo_core.interaction_mesh.capsules import closest_fractions, segment_differences
 from pacmo_core.interaction_mesh.mesh import joint_distances
+from pacmo_core.interaction_mesh.proximity import closest_fractions, segment_differences
 from pacmo_core.interaction_mesh.scene import Array, Scene
 from pacmo_core.interaction_mesh.settings import Attempt, Settings
 

@@ -5,7 +5,7 @@ contacts and penetration with the source at the same frame, all without the scal
 have in common: a scene that is scaled as a whole has no fault.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import inf
@@ -22,8 +22,12 @@ from pacmo_core.interaction_mesh.body_parts import (
     trunk_bends,
     trunk_joints,
 )
-from pacmo_core.interaction_mesh.capsules import capsule_penetration
 from pacmo_core.interaction_mesh.mesh import support_steps
+from pacmo_core.interaction_mesh.proximity import (
+    capsule_penetration,
+    contacts_kept,
+    near_distance_error,
+)
 from pacmo_core.interaction_mesh.scene import (
     Array,
     Scene,
@@ -37,8 +41,6 @@ from pacmo_core.interaction_mesh.settings import Settings
 # fraction of the mean acceleration that it is compared with at least.
 MEDIAN_SECONDS = 1 / 3
 REST_FRACTION = 0.5
-# Frames whose near pairs are measured together.
-FRAMES_PER_BATCH = 64
 # Minimal sine of the bend angle at which the bend direction of a limb is defined.
 MIN_BEND_SINE = 0.25
 # Metres between the nearest joints of the two people, from which on they are apart.
@@ -184,8 +186,8 @@ def measure_unlimited(
         "contacts_kept_with_slack": contacts_kept(
             scene, motions, settings.contact_distance, settings.contact_slack
         ),
-        "near_distance_error": near_distance_error(scene, settings, motions),
-        "near_distance_error_naive": near_distance_error(scene, settings, naive),
+        "near_distance_error": near_distance_error(scene, motions, settings.near_distance),
+        "near_distance_error_naive": near_distance_error(scene, naive, settings.near_distance),
     }
 
 
@@ -396,64 +398,6 @@ def _lengths(vectors: Array) -> Array:
     """``(T, V)``, of vectors (T, 3, V)."""
     lengths: Array = np.sqrt(np.einsum("tcv,tcv->tv", vectors, vectors))
     return lengths
-
-
-def contacts_kept(scene: Scene, points: Array, distance: float, slack: float) -> Array:
-    """Return the fraction of contacts of the source that are kept within a slack, ``(V,)``.
-
-    Without contacts all are kept.
-    """
-    total, count = np.zeros(points.shape[-1]), 0
-    for pairs in near_pairs(scene, points, distance):
-        total += (pairs.after < distance + slack).sum(axis=0)
-        count += len(pairs.frame)
-    return total / count if count else np.ones(len(total))
-
-
-def near_distance_error(scene: Scene, settings: Settings, points: Array) -> Array:
-    """Return ``Report.near_distance_error``, (V,); zero without near pairs."""
-    total, count = np.zeros(points.shape[-1]), 0
-    for pairs in near_pairs(scene, points, settings.near_distance):
-        total += np.abs(pairs.after - pairs.before[:, None]).sum(axis=0)
-        count += len(pairs.frame)
-    return total / max(1, count)
-
-
-@dataclass(frozen=True)
-class NearPairs:
-    """Pairs of joints of the two people that are near in the source.
-
-    Parameters
-    ----------
-    frame, joint_a, joint_b : (P,) frames, and joints of each person
-    before : (P,) metres, their distances in the source
-    after : (P, V) metres, in motions
-    """
-
-    frame: NDArray[np.intp]
-    joint_a: NDArray[np.intp]
-    joint_b: NDArray[np.intp]
-    before: Array
-    after: Array
-
-
-def near_pairs(scene: Scene, points: Array, distance: float) -> Iterator[NearPairs]:
-    """Yield the pairs and frames that are within a distance in the source, some frames at a time.
-
-    Parameters
-    ----------
-    points : (T, N, 3, V) metres
-    distance : metres
-    """
-    n_a = scene.n_joints[0]
-    for first in range(0, len(points), FRAMES_PER_BATCH):
-        batch = slice(first, first + FRAMES_PER_BATCH)
-        a, b = np.split(scene.points[batch], [n_a], axis=1)
-        before = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
-        frame, i, j = np.nonzero(before < distance)
-        vectors = points[batch][frame, i] - points[batch][frame, n_a + j]
-        after = np.sqrt(np.einsum("pcv,pcv->pv", vectors, vectors))
-        yield NearPairs(first + frame, i, j, before[frame, i, j], after)
 
 
 def peak_acceleration_ratio(source: Array, body: Array) -> Array:

@@ -1,4 +1,7 @@
-"""Distances between the bones of the two bodies as line segments, and penetration of capsules."""
+"""How near the two bodies are: joints that are near or touch, bones, penetration of capsules."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +13,63 @@ from pacmo_core.interaction_mesh.scene import Array, Scene
 # Metres by which two capsules of the source may be apart and still meet in a variation.
 MAX_GAP = 0.3
 FRAMES_PER_BATCH = 64  # bounds memory
+
+
+def contacts_kept(scene: Scene, points: Array, distance: float, slack: float) -> Array:
+    """Return the fraction of contacts of the source that are kept within a slack, ``(V,)``.
+
+    Without contacts all are kept.
+    """
+    total, count = np.zeros(points.shape[-1]), 0
+    for pairs in near_pairs(scene, points, distance):
+        total += (pairs.after < distance + slack).sum(axis=0)
+        count += len(pairs.frame)
+    return total / count if count else np.ones(len(total))
+
+
+def near_distance_error(scene: Scene, points: Array, distance: float) -> Array:
+    """Return the mean change of the distances of near pairs, (V,) metres; zero without any."""
+    total, count = np.zeros(points.shape[-1]), 0
+    for pairs in near_pairs(scene, points, distance):
+        total += np.abs(pairs.after - pairs.before[:, None]).sum(axis=0)
+        count += len(pairs.frame)
+    return total / max(1, count)
+
+
+@dataclass(frozen=True)
+class NearPairs:
+    """Pairs of joints of the two people that are near in the source.
+
+    Parameters
+    ----------
+    frame, joint_a, joint_b : (P,) frames, and joints of each person
+    before : (P,) metres, their distances in the source
+    after : (P, V) metres, in motions
+    """
+
+    frame: NDArray[np.intp]
+    joint_a: NDArray[np.intp]
+    joint_b: NDArray[np.intp]
+    before: Array
+    after: Array
+
+
+def near_pairs(scene: Scene, points: Array, distance: float) -> Iterator[NearPairs]:
+    """Yield the pairs and frames that are within a distance in the source, some frames at a time.
+
+    Parameters
+    ----------
+    points : (T, N, 3, V) metres
+    distance : metres
+    """
+    n_a = scene.n_joints[0]
+    for batch in _batches(len(points)):
+        a, b = np.split(scene.points[batch], [n_a], axis=1)
+        before = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
+        frame, i, j = np.nonzero(before < distance)
+        vectors = points[batch][frame, i] - points[batch][frame, n_a + j]
+        after = np.sqrt(np.einsum("pcv,pcv->pv", vectors, vectors))
+        yield NearPairs(batch.start + frame, i, j, before[frame, i, j], after)
 
 
 def closest_fractions(scene: Scene) -> tuple[Array, Array, Array]:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pacmo_core.data.interaction import closest_points
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import capsule_radii
-from pacmo_core.interaction_mesh.capsules import (
+from pacmo_core.interaction_mesh.proximity import (
     capsule_penetration,
     closest_fractions,
     segment_differences,
