@@ -61,6 +61,8 @@ ROOT_WEIGHTS = (0.1, 3e-3, 0.1)
 TOUCHING_STEPS = 8
 # Seconds, standard deviation of the filter on each of these steps.
 TOUCHING_SMOOTHING = 0.05
+# Degrees a second by which knees and elbows that support nothing change at most beside the source.
+MAX_BEND_SPEED = 150.0
 # Seconds, standard deviation of the filter on the direction in which limbs bend.
 POLE_SMOOTHING = 0.1
 # Metres between joints of the two people: nearer ones touch, or are near, and have full weight; the
@@ -191,7 +193,9 @@ class _Bodies:
         begin, end = (self.source[..., j, :] for j in (self.starts, self.ends))
         reach = self.targets - self.limb_starts()
         straight = self.upper + self.lower
-        soft = soften(reach.norm(dim=-1), self.bent, straight, self.given.holds[..., 0])
+        holds = self.given.holds[..., 0]
+        soft = soften(reach.norm(dim=-1), self.bent, straight, holds)
+        soft = self.without_snaps(soft, holds)
         reach = normalize(reach, dim=-1) * soft[..., None]
         as_source, smooth = self.given.poles
         height = bend_height(self.bent, self.upper, self.lower)
@@ -199,6 +203,20 @@ class _Bodies:
         pole = height[..., None] * as_source + more[..., None] * smooth
         pole = normalize(turned(pole, end - begin, reach), dim=-1)
         return two_bone_ik(reach, self.upper, self.lower, pole)
+
+    def without_snaps(self, reach: Tensor, holds: Tensor) -> Tensor:
+        """Let knees and elbows of limbs that support nothing change from the source's gradually.
+
+        Who reaches for a body of another size would stretch and bend an arm within some frames.
+        """
+        bend, source = (bend_angle(r, self.upper, self.lower) for r in (reach, self.bent))
+        change = bend - source
+        slow = slowed(change, np.radians(MAX_BEND_SPEED) / self.given.fps)
+        bend = source + torch.lerp(slow, change, holds.expand_as(change))
+        cosine = bend.clamp(0, np.pi).cos()
+        square = self.upper**2 + self.lower**2 + 2 * self.upper * self.lower * cosine
+        limited: Tensor = square.clamp_min(0).sqrt()
+        return limited
 
     def lowest(self) -> Tensor:
         """``(V, T, 2, L)`` metres: height of the lowest joint from a limb's end on, above it."""
@@ -394,6 +412,31 @@ def bend_height(reach: Tensor, upper: Tensor, lower: Tensor) -> Tensor:
     reach = reach.clamp_min(MIN_REACH)
     along = (upper**2 - lower**2 + reach**2) / (2 * reach)
     return (upper**2 - along**2).clamp_min(0).sqrt()
+
+
+def bend_angle(reach: Tensor, upper: Tensor, lower: Tensor) -> Tensor:
+    """Angle (...) in radians between the bones of a limb whose ends are (...) metres apart."""
+    cosine = (reach**2 - upper**2 - lower**2) / (2 * upper * lower).clamp_min(MIN_SQUARE)
+    return cosine.clamp(-1, 1).acos()
+
+
+def slowed(values: Tensor, step: float) -> Tensor:
+    """Values (V, T, ...) that change by at most ``step`` from a frame to the next.
+
+    The mean of the least such values above them and the greatest below: where values are slow
+    enough both are the values themselves, and elsewhere a change begins as early as it ends late.
+    """
+    envelopes, frames = torch.stack([values, -values]), 1
+    while frames < values.shape[1]:
+        before, fall = envelopes, frames * step
+        envelopes = before.clone()
+        for to, of in (
+            (slice(frames, None), slice(-frames)),
+            (slice(-frames), slice(frames, None)),
+        ):
+            envelopes[:, :, to] = envelopes[:, :, to].maximum(before[:, :, of] - fall)
+        frames *= 2
+    return (envelopes[0] - envelopes[1]) / 2
 
 
 def soften(reach: Tensor, bent: Tensor, straight: Tensor, holds: Tensor) -> Tensor:

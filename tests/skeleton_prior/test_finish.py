@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from torch.nn.functional import normalize
 
 from pacmo_core.skeleton_prior.finish import (
+    MAX_BEND_SPEED,
     Finish,
     _Bodies,
     bend_height,
     bent_length,
+    slowed,
     soften,
     turned,
 )
@@ -131,6 +134,38 @@ def test_an_arm_that_is_straight_for_a_moment_does_not_flip_when_it_must_bend():
         upper, _ = bodies.limb_bones()
         assert torch.sign(upper[0, 15, 0, arm, 1]) == side
         assert (upper[0, 14, 0, arm, 1]) < 0
+
+
+def test_an_arm_that_must_reach_in_one_frame_stretches_over_several():
+    finish, same = finish_of(standing()), torch.ones(1, 2, len(SMALL.joints))
+    bodies = _Bodies(finish, finish.source[None], same)
+    (arm,) = (n for n, limb in enumerate(finish.limbs) if SMALL.joints[limb[1]] == "left_elbow")
+    as_source = bodies.targets.clone()
+    bodies.targets[:, 15:, 0, arm] += 0.5 * (as_source - bodies.limb_starts())[:, 15:, 0, arm]
+
+    def bends(bones):
+        first, second = (motion[0, ..., arm, :] for motion in bones)
+        return torch.rad2deg(
+            torch.arccos((normalize(first, dim=-1) * normalize(second, dim=-1)).sum(-1))
+        )
+
+    reached = bends(bodies.limb_bones())[:, 0]
+    bodies.targets = as_source
+    captured = bends(bodies.limb_bones())[:, 0]
+    assert (reached - captured)[20:].abs().max() > 12
+    excess = reached.diff().abs() - captured.diff().abs()
+    assert excess.max() < MAX_BEND_SPEED / finish.fps + 0.5
+    assert (reached - captured)[:5].abs().max() < 0.5
+
+
+def test_slowed_values_are_the_middle_of_the_envelopes_and_slow_ones_stay():
+    values = torch.randn(2, 40, 3, generator=generator(1)).cumsum(dim=1)
+    apart = (torch.arange(40)[:, None] - torch.arange(40)).abs()[:, :, None]
+    rises = (values[:, None] - 0.5 * apart).amax(dim=2), (values[:, None] + 0.5 * apart).amin(dim=2)
+    torch.testing.assert_close(slowed(values, 0.5), sum(rises) / 2)
+    assert slowed(values, 0.5).diff(dim=1).abs().max() < 0.5 + 1e-5
+    slow = 0.1 * torch.sin(values)
+    torch.testing.assert_close(slowed(slow, 0.3), slow)
 
 
 def test_the_middle_of_a_bent_limb_is_as_far_from_the_line_as_in_a_right_triangle():
