@@ -39,8 +39,8 @@ WALK_RATIO = 0.39
 # captured ones: by 0.27 m on average of a walk (0.28).
 MAX_PARTING = 1.8
 # Of the legs' length, by which feet part at most: more steps are taken in turns, in which they
-# would lunge (captured feet: 0.73 in 99 % of frames). So many that none is faster than, in seconds:
-MAX_STRIDE, FASTEST_STEP = 0.75, 0.2
+# would lunge (captured feet: 0.73 in 99 % of frames); none faster than, in seconds:
+MAX_STRIDE, FASTEST_STEP = 0.9, 0.2
 # Of one step, at most: how far the body goes aside, metres, and turns, radians; and its time.
 MAX_ASIDE, MAX_TURN = 0.22, np.pi / 4
 MIN_APART = 0.1  # metres that the left foot stands to the left of the right one
