@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.interaction_mesh import report as module
+from pacmo_core.interaction_mesh import proximity as module
 from pacmo_core.interaction_mesh.mesh import ground_supports
 from pacmo_core.interaction_mesh.report import (
     bend_flips,
