@@ -14,8 +14,9 @@ for a bone, the target length. Bounds between the bodies are elastic: z is the p
 Boyd (2014), *Proximal algorithms*, section 6.1). Further rows are heights of joints above the
 floor. In the form of Douglas and Rachford one state serves for z and u, the governing variable
 ``v = z + u``: z is the proximal point of v, ``z = s v`` with a scalar s per row, u is the rest, and
-an iteration is ``v + A U + a - z``. Over-relaxation (section 3.4.3) saves nothing beside the
-acceleration of the iterates.
+an iteration is ``v + A U + a - z``. Of the bones of a pelvis or chest z is the rotated part that is
+nearest to v (``rigid_parts``): there s is 0, and z is kept beside it. Over-relaxation (section
+3.4.3) saves nothing beside the acceleration of the iterates.
 """
 
 from collections.abc import Iterator
@@ -35,6 +36,7 @@ from pacmo_core.interaction_mesh.linear_algebra import (
     pair_frames,
     to_blocks,
 )
+from pacmo_core.interaction_mesh.rigid_parts import RigidParts
 from pacmo_core.interaction_mesh.scene import Array, Single
 
 # Blocks that take the local step together. Their data fit into the processor's cache; fewer would
@@ -63,7 +65,9 @@ class State:
     rhs : (K, 3, 2N, V) float32, right-hand side of the linear step
     displacement : (K, 3, 2N, V) float32 metres, U
     governing : (K, 3, 2, R, V) float32 metres, v
-    projection : (K, 2, R, V) float32, s; ``s v`` is the proximal point of v
+    projection : (K, 2, R, V) float32, s; ``s v`` is the proximal point of v, where s is not 0
+    rigid : (K, 3, 2, Q, V) float32 metres, the proximal points of the bones of rigid parts
+    turns : (K, 4, 2, G, V) float32, quaternions of rigid parts
     floor : (K, 2, F, V) float32 metres, v of the heights above the ground
     scales : (R, V) float32, factor on the bounds of each row
     lowest : (F, V) float32 metres, lower bound of the heights above the ground
@@ -77,6 +81,8 @@ class State:
     displacement: Single
     governing: Single
     projection: Single
+    rigid: Single
+    turns: Single
     floor: Single
     scales: Single
     lowest: Single
@@ -87,6 +93,12 @@ class State:
     def n_bodies(self) -> int:
         """Number of bodies side by side."""
         return len(self.squared_step)
+
+    def bones(self, rows: NDArray[np.intp], n_bones: int) -> Single:
+        """``(K, 3, 2, E, V)`` metres: the proximal points of all bones; ``rows`` (Q,) are rigid."""
+        bones = self.governing[:, :, :, :n_bones] * self.projection[:, None, :, :n_bones]
+        bones[:, :, :, rows] = self.rigid
+        return bones
 
     def select(self, bodies: NDArray[np.intp]) -> "State":
         """Return the state of some of the bodies."""
@@ -142,6 +154,7 @@ class AdmmSolver:
     penalties : (K, 2, R, 1) float32
     lower, upper : (K, 2, R, 1) float32 metres, bounds on the lengths
     elasticity : (K, 2, R, 1) float32, fraction of the way from v to its projection
+    parts : pelvises and chests
     floor : the heights
     floor_source, floor_penalties : (K, 2, F, 1) float32
     """
@@ -155,6 +168,7 @@ class AdmmSolver:
     lower: Single
     upper: Single
     elasticity: Single
+    parts: RigidParts
     floor: Floor
     floor_source: Single
     floor_penalties: Single
@@ -162,14 +176,15 @@ class AdmmSolver:
     def iterate(self, state: State, work: Workspace) -> None:
         """Take one ADMM iteration: a linear and a local step.
 
-        The local step of a block follows its linear step while it is in the processor's cache.
+        The governing variable of a block is updated while it is in the processor's cache.
         """
         self._forward(state, work)
         last = len(self.source)
         for block in self._backward(state, work):
             if block % BLOCKS_PER_STEP == 0:
-                self._local_step(state, work, slice(block, last))
+                self._update(state, work, slice(block, last))
                 last = block
+        self.project(state, work)
 
     @property
     def iterate_penalties(self) -> tuple[Single, Single]:
@@ -178,6 +193,7 @@ class AdmmSolver:
 
     def project(self, state: State, work: Workspace) -> None:
         """Project a new governing variable and set the right-hand side of the linear step."""
+        state.rigid[:] = self.parts.nearest(state.governing, state.scales, state.turns)
         for block in range(0, len(self.source), BLOCKS_PER_STEP):
             self._project(state, work, slice(block, min(block + BLOCKS_PER_STEP, len(self.source))))
 
@@ -207,8 +223,8 @@ class AdmmSolver:
         np.matmul(self.factorisation.horizontal[block], rhs[HORIZONTAL], out=out[HORIZONTAL])
         np.matmul(self.factorisation.vertical[block], rhs[VERTICAL], out=out[VERTICAL])
 
-    def _local_step(self, state: State, work: Workspace, blocks: slice) -> None:
-        """Update the governing variable, ``v + A U + a - s v``, and project it."""
+    def _update(self, state: State, work: Workspace, blocks: slice) -> None:
+        """Update the governing variable, ``v + A U + a - s v``."""
         rows, other, factors = work.arrays(blocks.stop - blocks.start)
         governing = state.governing[blocks]
         displacement = state.displacement[blocks].reshape(-1, state.n_bodies)
@@ -218,6 +234,7 @@ class AdmmSolver:
         if work.is_measured:
             other[:] = governing
         np.multiply(governing, factors[:, None], out=governing)
+        governing[:, :, :, self.parts.rows] -= state.rigid[blocks]
         np.add(governing, rows, out=governing)
         if work.is_measured:
             np.subtract(other, governing, out=other)
@@ -226,7 +243,6 @@ class AdmmSolver:
             pairs = other[..., self.rows.n_body_rows :, :].sum(axis=1)
             _add_largest(pairs, PAIR_TOLERANCE, state.largest_step)
         self._floor_step(state, work, blocks)
-        self._project(state, work, blocks)
 
     def _floor_step(self, state: State, work: Workspace, blocks: slice) -> None:
         """Update the governing variable of the heights."""
@@ -263,10 +279,12 @@ class AdmmSolver:
         np.subtract(projection, np.float32(1), out=projection)
         np.multiply(projection, self.elasticity[blocks], out=projection)
         np.add(projection, np.float32(1), out=projection)
+        projection[:, :, self.parts.rows] = 0
         # The reflection of v at its proximal point, 2 s v - v = z - u.
         np.multiply(projection, np.float32(2), out=factors)
         np.subtract(factors, np.float32(1), out=factors)
         np.multiply(governing, factors[:, None], out=rows)
+        rows[:, :, :, self.parts.rows] += 2 * state.rigid[blocks]
         # The source is subtracted before the sum: forces that cancel must do so to the last digit,
         # as hardly anything but the regularisation fixes the position of the scene.
         np.subtract(rows, self.source[blocks], out=rows)
@@ -322,13 +340,14 @@ def _add_largest(squares: Single, tolerance: float, largest: Single) -> None:
 
 
 def build_solver(
-    factorisation: Factorisation, rows: Rows, floor: Floor, source: Array
+    factorisation: Factorisation, rows: Rows, parts: RigidParts, floor: Floor, source: Array
 ) -> AdmmSolver:
     """Arrange constraints in blocks.
 
     Parameters
     ----------
     factorisation : of the energy with the penalties of rows and floor
+    parts : among the bones, the first of the rows
     source : (T, R, 3) metres, the differences in the source
     """
     n_points = factorisation.lag_one.shape[1]
@@ -357,6 +376,7 @@ def build_solver(
         lower=lower,
         upper=upper,
         elasticity=elasticity,
+        parts=parts,
         floor=floor,
         floor_source=floor_source,
         floor_penalties=floor_penalties,
@@ -387,6 +407,7 @@ class AdmmStart:
     scales : (R, V) float32, factors on the bounds
     lowest : (F, V) float32 metres, lower bounds of the heights
     step_scale : (V,) square metres, what the squared step is relative to
+    n_bones : E, the first of the rows
     """
 
     energy_rhs: Single
@@ -395,6 +416,7 @@ class AdmmStart:
     scales: Single
     lowest: Single
     step_scale: Array
+    n_bones: int
 
 
 @dataclass(frozen=True)
@@ -405,7 +427,7 @@ class AdmmSolution:
     ----------
     displacement : (K, 3, 2N, V) float32 metres, U
     governing : (K, 3, 2, R, V) float32 metres, v
-    projection : (K, 2, R, V) float32, s; z is ``s v``
+    bones : (K, 3, 2, E, V) float32 metres, z of the bones
     residual : (V,) fixed-point residual: the last step of v relative to ``step_scale``, root mean
         square; or the tolerance times the largest step of a row relative to its own, if that is
         more
@@ -414,15 +436,19 @@ class AdmmSolution:
 
     displacement: Single
     governing: Single
-    projection: Single
+    bones: Single
     residual: Array
     iterations: NDArray[np.intp]
 
-    def store(self, state: State, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> None:
+    def store(
+        self, solver: AdmmSolver, state: State, rows: NDArray[np.intp], columns: NDArray[np.intp]
+    ) -> None:
         """Copy the state of the bodies ``columns`` to the ``rows`` of the result."""
-        self.displacement[..., rows] = state.displacement[..., columns]
-        self.governing[..., rows] = state.governing[..., columns]
-        self.projection[..., rows] = state.projection[..., columns]
+        if len(rows):
+            state, n_bones = state.select(columns), self.bones.shape[3]
+            self.displacement[..., rows] = state.displacement
+            self.governing[..., rows] = state.governing
+            self.bones[..., rows] = state.bones(solver.parts.rows, n_bones)
 
 
 def solve_admm(
@@ -435,7 +461,7 @@ def solve_admm(
     n_bodies = len(start.step_scale)
     columns = padded_columns(n_bodies)
     active = np.arange(len(columns)) < n_bodies  # the others only pad
-    state = _initial_state(start)
+    state = _initial_state(solver, start)
     solution, work = _empty_solution(start), state.workspace()
     solver.project(state, work)
     iterates = Iterates(state.iterate, solver.iterate_penalties)
@@ -449,7 +475,7 @@ def solve_admm(
             converged = ((residuals <= tolerance) | is_last) & active
             rows = columns[converged]
             solution.residual[rows], solution.iterations[rows] = residuals[converged], number
-            solution.store(state, rows, np.flatnonzero(converged))
+            solution.store(solver, state, rows, np.flatnonzero(converged))
             active &= ~converged
             width = padded_width(int(active.sum()))
             if not width:
@@ -472,7 +498,7 @@ def _measure(state: State, step_scale: Array, tolerance: float) -> Array:
     return residuals
 
 
-def _initial_state(start: AdmmStart) -> State:
+def _initial_state(solver: AdmmSolver, start: AdmmStart) -> State:
     bodies = padded_columns(len(start.step_scale))
     governing = start.governing.take(bodies, axis=-1)
     energy_rhs = start.energy_rhs.take(bodies, axis=-1)
@@ -482,6 +508,8 @@ def _initial_state(start: AdmmStart) -> State:
         displacement=np.zeros_like(energy_rhs),
         governing=governing,
         projection=np.zeros_like(governing[:, 0]),
+        rigid=np.zeros_like(governing[:, :, :, solver.parts.rows]),
+        turns=solver.parts.unturned(len(bodies)),
         floor=start.floor.take(bodies, axis=-1),
         scales=start.scales.take(bodies, axis=-1),
         lowest=start.lowest.take(bodies, axis=-1),
@@ -495,7 +523,7 @@ def _empty_solution(start: AdmmStart) -> AdmmSolution:
     return AdmmSolution(
         displacement=np.zeros_like(start.energy_rhs),
         governing=np.zeros_like(start.governing),
-        projection=np.zeros_like(start.governing[:, 0]),
+        bones=np.zeros_like(start.governing[:, :, :, : start.n_bones]),
         residual=np.zeros(n_bodies),
         iterations=np.zeros(n_bodies, dtype=np.intp),
     )

@@ -32,6 +32,7 @@ from pacmo_core.interaction_mesh.linear_algebra import (
 )
 from pacmo_core.interaction_mesh.mesh import support_weights
 from pacmo_core.interaction_mesh.report import limit_ratio, measure_limited
+from pacmo_core.interaction_mesh.rigid_parts import rigid_parts
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Attempt, AttemptLimits, Settings
 from pacmo_core.interaction_mesh.warm_start import LinearResponse, linear_response
@@ -89,7 +90,8 @@ class PreparedWindow:
             floor = build_floor(scene, settings.floor_penalty)
             factorisation = factorise(self.energy, rows, floor)
             source = rows.differences(scene.points)
-            self.solvers[penalties] = build_solver(factorisation, rows, floor, source)
+            parts = rigid_parts(scene, attempt.bone_penalty * self.stiffness)
+            self.solvers[penalties] = build_solver(factorisation, rows, parts, floor, source)
         return self.solvers[penalties]
 
 
@@ -107,10 +109,15 @@ class Quality:
     spine_bend: float
     seam_ratio: float
 
-    def limit_ratio(self, limits: AttemptLimits) -> float:
-        """Return the largest ratio of a measurement to its limit; at most 1 if accepted."""
-        return max(
-            limit_ratio(name, getattr(self, name), limit) for name, limit in asdict(limits).items()
+    def excess(self, limits: AttemptLimits) -> float:
+        """Sum over measurements how far each is above its limit, relative to it; 0 if accepted.
+
+        The sum, as a spine that folds to four times its limit looks worse than contacts alone that
+        are as far beyond theirs.
+        """
+        return sum(
+            max(limit_ratio(name, getattr(self, name), limit) - 1, 0.0)
+            for name, limit in asdict(limits).items()
         )
 
     def has_diverged(self, limits: AttemptLimits) -> bool:
@@ -246,7 +253,7 @@ def is_final(window: PreparedWindow, number: int, result: AttemptResult) -> bool
     has_converged = (
         quality.attempt == number and quality.fixed_point_residual <= attempts[number].tolerance
     )
-    is_accepted = has_converged and quality.limit_ratio(window.settings.limits) <= 1
+    is_accepted = has_converged and quality.excess(window.settings.limits) == 0
     return number + 1 == len(attempts) or is_accepted
 
 
@@ -256,7 +263,7 @@ def _select_better(
     """Return the better motion: the later, which has more constraints, unless it has diverged."""
     if previous is None or not result.has_diverged:
         return result
-    if result.quality.limit_ratio(limits) <= max(1, previous.quality.limit_ratio(limits)):
+    if result.quality.excess(limits) <= previous.quality.excess(limits):
         return result
     return replace(result, motion=previous.motion, quality=previous.quality)
 
@@ -396,6 +403,7 @@ def _attempt_start(
         scales=np.concatenate([scales, angles, pairs]).astype(np.float32),
         lowest=(floor.lowest[:, None] / common).astype(np.float32),
         step_scale=step_scale(window.squared_growth(scales.T) + min_growth),
+        n_bones=len(scales),
     )
 
 
@@ -411,8 +419,7 @@ def _solve_attempt(
         tolerance=attempt.tolerance,
     )
     n_frames, n_bones = window.stiffness.shape
-    governing = solution.governing[:, :, :, :n_bones]
-    bones = governing * solution.projection[:, None, :, :n_bones]
+    governing, bones = solution.governing[:, :, :, :n_bones], solution.bones
     penalties = (attempt.bone_penalty * window.stiffness[..., None, None]).astype(np.float32)
 
     def frames(blocks: Single) -> Single:

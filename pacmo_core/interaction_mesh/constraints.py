@@ -156,27 +156,26 @@ class AngleBounds:
     Parameters
     ----------
     pairs : (S, 2), the two bones
-    least : (T, S) radians; of an angle that may not change, the source's
-    is_rigid : (S,), whether the angle may not change
+    least : (T, S) radians
     closeness : (T, S), 0 to 1, factor on the penalty, which falls with the angle above its bound
     """
 
     pairs: NDArray[np.intp]
     least: Array
-    is_rigid: NDArray[np.bool_]
     closeness: Array
 
 
 def angle_bounds(scene: Scene, settings: Settings) -> AngleBounds:
-    """Bound the angles of pelvis and chest, of the spine, and of knees and elbows.
+    """Bound the angles of the spine, and of knees and elbows; for pelvis and chest, ``RigidParts``.
 
-    Pelvis and chest are rigid. A joint of the spine or neck bends by at most ``max_spine_bend``
+    A joint of the spine or neck bends by at most ``max_spine_bend``
     more than in the source, and where a rig has many, all of them by ``MAX_WHOLE_BEND``, shared
     evenly: so that hips and knees give, and the back does not fold. A knee or elbow bends by at
     most ``max_hinge_bend``, or as far as in that frame of the source: limbs that fold completely
     come out on the other side.
     """
     trunk, kinds = trunk_bends(scene)
+    trunk, kinds = trunk[kinds != RIGID], kinds[kinds != RIGID]
     limbs, _ = hinges(scene)
     trunk_angles, limb_angles = _angles(scene, trunk), _angles(scene, limbs)
     ranges = np.radians(_bend_ranges(scene, trunk, kinds, settings))
@@ -185,7 +184,6 @@ def angle_bounds(scene: Scene, settings: Settings) -> AngleBounds:
     return AngleBounds(
         pairs=np.concatenate([trunk, limbs]),
         least=np.concatenate([(trunk_angles - ranges).clip(min=0), least], axis=1),
-        is_rigid=np.append(kinds == RIGID, np.zeros(len(limbs), dtype=np.bool_)),
         closeness=np.concatenate([np.ones(trunk_angles.shape), np.exp(-(above**4))], axis=1),
     )
 
@@ -224,7 +222,7 @@ def angle_rows(scene: Scene, penalties: Array, bounds: AngleBounds) -> Rows:
         coefficients=np.broadcast_to([-1.0, 1.0, 0.0, 0.0], shape),
         penalties=penalties[:, bounds.pairs].min(axis=-1) * bounds.closeness,
         lower=lower,
-        upper=np.where(bounds.is_rigid, lower, np.inf),
+        upper=np.full(lower.shape, np.inf),
         elasticity=np.ones(lower.shape),
         n_body_rows=len(bounds.pairs),
     )
@@ -233,8 +231,8 @@ def angle_rows(scene: Scene, penalties: Array, bounds: AngleBounds) -> Rows:
 def angle_scales(scene: Scene, scales: Array, bounds: AngleBounds) -> Array:
     """Return the factor on the bounds of every row of ``angle_rows``, (S, V).
 
-    Of a rigid part the mean over frames; of others the least, with which the bound can be met in
-    every frame where the two bones grow differently.
+    The least over frames, with which the bound can be met in every frame where the two bones grow
+    differently.
 
     Parameters
     ----------
@@ -243,8 +241,7 @@ def angle_scales(scene: Scene, scales: Array, bounds: AngleBounds) -> Array:
     tiny = np.finfo(np.float32).tiny
     before = _end_distances(scene, bounds, np.ones(len(scales))).clip(min=tiny)
     ratios = [_end_distances(scene, bounds, body) / before for body in scales.T]
-    factors = [np.where(bounds.is_rigid, r.mean(axis=0), r.min(axis=0)) for r in ratios]
-    stacked: Array = np.stack(factors, axis=-1)
+    stacked: Array = np.stack([ratio.min(axis=0) for ratio in ratios], axis=-1)
     return stacked
 
 

@@ -154,7 +154,7 @@ def _solve_windows(
     displacement = (total - scene.points[..., None]).astype(np.float32)
     vectors = total[:, scene.bones[:, 1]] - total[:, scene.bones[:, 0]]
     limits = source.settings.limits
-    worst = [max(parts, key=lambda q: q.limit_ratio(limits)) for parts in qualities]
+    worst = [max(parts, key=lambda q: q.excess(limits)) for parts in qualities]
     columns = padded_columns(len(scales))
     padded = scales[columns]
     displacement, vectors = displacement.take(columns, axis=-1), vectors.take(columns, axis=-1)

@@ -5,11 +5,14 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
 
 from pacmo_core.interaction_mesh.body_parts import (
+    RIGID,
     ancestor_bones,
     hinges,
     posture_weights,
+    trunk_bends,
     trunk_joints,
     trunk_pairs,
 )
@@ -157,54 +160,92 @@ def right_side(energy: QuadraticEnergy, scales: Array) -> Array:
     return rhs
 
 
-def differences(scene: Scene) -> csc_array:
-    """Give the matrix from flat positions to flat bone vectors, (3TE, 3TN)."""
+def rigid_pairs(scene: Scene) -> Array:
+    """``(S, 2)``: the bones that keep their angle to each other."""
+    pairs, kinds = trunk_bends(scene)
+    chosen: Array = pairs[kinds == RIGID]
+    return chosen
+
+
+NO_PAIRS = np.zeros((0, 2), dtype=np.intp)
+
+
+def differences(scene: Scene, rigid: Array = NO_PAIRS) -> csc_array:
+    """Give the matrix from flat positions to flat differences, (3T(E + S), 3TN).
+
+    Of bones, then of the outer ends of the bones of a rigid pair.
+    """
     n_frames, n_points, _ = scene.points.shape
-    n_bones = len(scene.bones)
-    t, e, c = np.indices((n_frames, n_bones, 3)).reshape(3, -1)
-    row = 3 * (t * n_bones + e) + c
-    ends = [3 * (t * n_points + scene.bones[e, end]) + c for end in (0, 1)]
+    rows = np.concatenate([scene.bones, scene.bones[rigid, 1]])
+    t, e, c = np.indices((n_frames, len(rows), 3)).reshape(3, -1)
+    row = 3 * (t * len(rows) + e) + c
+    ends = [3 * (t * n_points + rows[e, end]) + c for end in (0, 1)]
     ones = np.ones(len(row))
     values = np.concatenate([-ones, ones])
     indices = (np.tile(row, 2), np.concatenate(ends))
     return csc_array((values, indices), shape=(len(row), 3 * n_frames * n_points))
 
 
-def banded(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: int = 40) -> Array:
+def difference_lengths(scene: Scene, scales: Array, rigid: Array) -> Array:
+    """``(T, E + S)``: the lengths of ``differences`` that a body shall have."""
+    vectors = scene.bone_vectors * scales[:, None]
+    first, second = rigid.T
+    lengths: Array = np.linalg.norm(
+        np.concatenate([vectors, vectors[:, second] - vectors[:, first]], axis=1), axis=-1
+    )
+    return lengths
+
+
+def banded(
+    scene: Scene,
+    energy: QuadraticEnergy,
+    scales: Array,
+    rigid: Array = NO_PAIRS,
+    *,
+    n_rounds: int = 40,
+) -> Array:
     """Solve by an augmented Lagrangian of Gauss-Newton steps on a banded matrix, from the source.
 
-    Bones grow to their lengths in five morphs, without which steps overshoot.
+    Bones grow to their lengths in five morphs, without which steps overshoot. Rigid parts keep the
+    distances of their bones' ends.
 
     Returns
     -------
     (T, N, 3) metres, U
     """
-    hessian, rhs, bones = matrix(energy), right_side(energy, scales), differences(scene)
+    hessian, rhs, bones = matrix(energy), right_side(energy, scales), differences(scene, rigid)
     source = scene.points.reshape(-1)
-    lengths = np.linalg.norm(scene.bone_vectors, axis=-1)
     width = 9 * scene.points.shape[1] - 1
-    displacement, multiplier, stiffness = np.zeros(len(source)), np.zeros(lengths.size), 300.0
+    displacement, stiffness = np.zeros(len(source)), 300.0
+    multiplier = np.zeros(bones.shape[0] // 3)
     fractions = np.concatenate([np.linspace(0.2, 1, 5), np.ones(n_rounds - 5)])
     for fraction in fractions:
-        morphed_scales = 1 + fraction * (scales - 1)
+        wanted = difference_lengths(scene, 1 + fraction * (scales - 1), rigid).reshape(-1)
         vectors = (bones @ (source + displacement)).reshape(-1, 3)
         current_lengths = np.linalg.norm(vectors, axis=-1)
-        error = current_lengths - (lengths * morphed_scales).reshape(-1)
+        error = current_lengths - wanted
         along = csc_array(_along(vectors / current_lengths[:, None])) @ bones
         full = hessian + stiffness * along.T @ along
         slope = hessian @ displacement - fraction * rhs + along.T @ (stiffness * error + multiplier)
         displacement -= solveh_banded(_bands(full, width), slope, lower=True)
         vectors = (bones @ (source + displacement)).reshape(-1, 3)
-        error = np.linalg.norm(vectors, axis=-1) - (lengths * morphed_scales).reshape(-1)
-        multiplier += stiffness * error
+        multiplier += stiffness * (np.linalg.norm(vectors, axis=-1) - wanted)
     return displacement.reshape(scene.points.shape)
 
 
-def manifold(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: int = 12) -> Array:
-    """Solve by Gauss-Newton on the directions of the bones and the places of the roots.
+def manifold(
+    scene: Scene,
+    energy: QuadraticEnergy,
+    scales: Array,
+    rigid: Array = NO_PAIRS,
+    *,
+    n_rounds: int = 12,
+) -> Array:
+    """Solve by Gauss-Newton on the rotations of bones and rigid parts, and places of the roots.
 
-    The bones are of their length at every step. A step turns each direction in its tangent plane;
-    the sphere's own curvature joins the matrix where it helps it stay positive.
+    The bones are of their length at every step. A step turns each bone, or all of a rigid part, by
+    a rotation vector, with a ridge for the turn of a bone about itself; the sphere's own curvature
+    joins the matrix of a bone alone where it helps it stay positive.
 
     Returns
     -------
@@ -220,24 +261,55 @@ def manifold(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: 
         scene.bone_vectors, axis=-1
     ).reshape(-1, 1)
     roots_now = roots.reshape(-1)
+    owner, is_alone = _turning(scene, rigid)
+    turns = _turn_columns(owner, n_frames)
     for _ in range(n_rounds):
-        positions = spread @ np.concatenate([(target_lengths * directions).reshape(-1), roots_now])
+        vectors = target_lengths * directions
+        positions = spread @ np.concatenate([vectors.reshape(-1), roots_now])
         slope = spread.T @ (hessian @ (positions - source) - rhs)
         bone_forces = slope[:n_bone_rows].reshape(-1, 3)
-        frames = _tangents(directions)
-        tangent = _blocks(target_lengths[:, :, None] * frames, n_bone_rows, len(slope))
-        curvatures = np.maximum(-(bone_forces * directions).sum(axis=1) * target_lengths[:, 0], 0)
-        curvature = np.concatenate([np.repeat(curvatures, 2), np.zeros(len(roots_now))])
-        full = tangent.T @ (spread.T @ hessian @ spread) @ tangent + diags_array(curvature)
-        step = -splu(csc_array(full)).solve(tangent.T @ slope)
-        rotated = directions + np.einsum(
-            "bij,bj->bi", frames, step[: 2 * len(directions)].reshape(-1, 2)
+        tangent = _blocks(_across(vectors), n_bone_rows, len(slope)) @ turns
+        curvatures = np.maximum(-(bone_forces * vectors).sum(axis=1), 0) * np.tile(
+            is_alone, n_frames
         )
-        directions = rotated / np.linalg.norm(rotated, axis=1, keepdims=True)
-        roots_now = roots_now + step[2 * len(directions) :]
+        ridge = np.concatenate([np.repeat(curvatures, 3) + 1e-9, np.zeros(len(roots_now))])
+        full = tangent.T @ (spread.T @ hessian @ spread) @ tangent
+        full += turns.T @ diags_array(ridge) @ turns
+        step = -splu(csc_array(full)).solve(tangent.T @ slope)
+        of_bones = (turns @ step)[:n_bone_rows].reshape(-1, 3)
+        directions = Rotation.from_rotvec(of_bones).apply(directions)
+        roots_now = roots_now + step[-len(roots_now) :]
     positions = spread @ np.concatenate([(target_lengths * directions).reshape(-1), roots_now])
     displacement: Array = (positions - source).reshape(scene.points.shape)
     return displacement
+
+
+def _turning(scene: Scene, rigid: Array) -> tuple[Array, Array]:
+    """``(E,)`` each: what each bone turns with, from 0, and whether it turns alone."""
+    owner = np.arange(len(scene.bones))
+    for first, second in rigid:
+        owner[owner == owner[second]] = owner[first]
+    _, owner, counts = np.unique(owner, return_inverse=True, return_counts=True)
+    return owner, counts[owner] == 1
+
+
+def _turn_columns(owner: Array, n_frames: int) -> csc_array:
+    """Give the matrix from flat turns, then roots, to flat turns of all bones, then roots."""
+    n_bones, n_own, n_roots = len(owner), owner.max() + 1, 6 * n_frames
+    t, e, c = np.indices((n_frames, n_bones, 3)).reshape(3, -1)
+    last = np.arange(n_roots)
+    rows = np.concatenate([3 * (t * n_bones + e) + c, 3 * n_frames * n_bones + last])
+    columns = np.concatenate([3 * (t * n_own + owner[e]) + c, 3 * n_frames * n_own + last])
+    shape = (3 * n_frames * n_bones + n_roots, 3 * n_frames * n_own + n_roots)
+    return csc_array((np.ones(len(rows)), (rows, columns)), shape=shape)
+
+
+def _across(vectors: Array) -> Array:
+    """``(n, 3, 3)``: from a rotation vector to the change of each vector, ``w x v``."""
+    x, y, z = vectors.T
+    none = np.zeros_like(x)
+    matrices: Array = np.array([[none, z, -y], [-z, none, x], [y, -x, none]])
+    return matrices.transpose(2, 0, 1)
 
 
 def _along(units: Array) -> csc_array:
@@ -278,19 +350,10 @@ def _spread(scene: Scene) -> csc_array:
     return csc_array((np.ones(len(row)), (row, column)), shape=shape)
 
 
-def _tangents(directions: Array) -> Array:
-    """Give two unit vectors across each direction, (n, 3, 2)."""
-    helper = np.eye(3)[np.abs(directions).argmin(axis=1)]
-    first = np.cross(directions, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(directions, first)], axis=-1)
-
-
 def _blocks(frames: Array, n_bone_rows: int, n_rows: int) -> csc_array:
-    """Set tangent frames on the diagonal; the roots' rows follow as they are."""
-    n_bones, n_roots = len(frames), n_rows - n_bone_rows
+    """Set 3 x 3 matrices on the diagonal; the roots' rows follow as they are."""
     b, i, j = np.indices(frames.shape).reshape(3, -1)
-    rows = np.concatenate([3 * b + i, n_bone_rows + np.arange(n_roots)])
-    columns = np.concatenate([2 * b + j, 2 * n_bones + np.arange(n_roots)])
-    values = np.concatenate([frames.reshape(-1), np.ones(n_roots)])
-    return csc_array((values, (rows, columns)), shape=(n_rows, 2 * n_bones + n_roots))
+    roots = np.arange(n_bone_rows, n_rows)
+    rows, columns = np.concatenate([3 * b + i, roots]), np.concatenate([3 * b + j, roots])
+    values = np.concatenate([frames.reshape(-1), np.ones(len(roots))])
+    return csc_array((values, (rows, columns)), shape=(n_rows, n_rows))

@@ -68,24 +68,22 @@ def bounds_of(source: Scene) -> AngleBounds:
     return angle_bounds(source, replace(SETTINGS, max_spine_bend=20, max_hinge_bend=150))
 
 
-def test_the_rows_of_a_trunk_hold_angles_within_their_range() -> None:
+def test_the_rows_of_a_spine_hold_angles_within_their_range() -> None:
     source = scene(2, 5, skeletons=(SPINE, SPINE))
     pairs, kinds = trunk_bends(source)
-    is_rigid = kinds == RIGID
-    assert is_rigid.tolist().count(True) == 2 and is_rigid.tolist().count(False) == 6
+    bends = pairs[kinds != RIGID]
     rows = angle_rows(source, np.ones((5, len(source.bones))), bounds_of(source))
+    assert rows.n_body_rows == 6
+    np.testing.assert_array_equal(rows.points[0, : len(bends), 1], source.bones[bends[:, 1], 1])
     vectors, distances = source.bone_vectors, _distances(source, rows)
-    assert (rows.lower <= distances + 1e-9).all() and (distances <= rows.upper + 1e-9).all()
-    assert np.isinf(rows.upper[:, ~is_rigid]).all()
-    np.testing.assert_allclose(rows.lower[:, is_rigid], distances[:, is_rigid], atol=1e-9)
-    np.testing.assert_allclose(rows.upper[:, is_rigid], distances[:, is_rigid], atol=1e-9)
-    (first, second), row = pairs[~is_rigid][0], np.flatnonzero(~is_rigid)[0]
+    assert (rows.lower <= distances + 1e-9).all() and np.isinf(rows.upper).all()
+    first, second = bends[0]
     a, b = (np.linalg.norm(vectors[:, bone], axis=-1) for bone in (first, second))
     # The angle between two bones that follow each other is pi less the angle of the triangle.
     bend = np.arccos((vectors[:, first] * vectors[:, second]).sum(axis=-1) / (a * b))
     more = np.minimum(bend + np.radians(20), np.pi)
     np.testing.assert_allclose(
-        rows.lower[:, row], np.sqrt(a**2 + b**2 + 2 * a * b * np.cos(more)), atol=1e-9
+        rows.lower[:, 0], np.sqrt(a**2 + b**2 + 2 * a * b * np.cos(more)), atol=1e-9
     )
 
 
@@ -96,35 +94,18 @@ def test_a_trunk_whose_bones_all_grow_alike_grows_alike() -> None:
     np.testing.assert_allclose(factors, np.broadcast_to([0.7, 1.2], factors.shape))
 
 
-def test_a_chest_keeps_its_shape_where_the_other_body_pulls_at_it() -> None:
-    source = scene(5, 9, skeletons=(SPINE, SPINE), distance=0.2)
-    weights = replace(SETTINGS.weights, contact=300, contact_range=0.5, trunk_shape=0)
-    scales = np.ones((1, len(source.bones)))
-    scales[0, 6:] = 0.6
-    left, right = (7 + SPINE.joints.index(f"{side}_arm") for side in ("left", "right"))
-    before = np.linalg.norm(source.points[:, left] - source.points[:, right], axis=-1)
-    errors = []
-    for penalty in (0, 60):
-        attempt = Attempt(bone_penalty=6, max_iterations=400, pair_penalty=penalty, tolerance=0)
-        settings = replace(SETTINGS, attempts=(attempt,), n_pairs=0, weights=weights)
-        points = retarget(prepare(source, settings), scales).points[0]
-        width = np.linalg.norm(points[:, left] - points[:, right], axis=-1)
-        errors.append(np.abs(width / (0.6 * before) - 1).max())
-    assert errors[1] < 0.005 and errors[0] > 3 * errors[1]
-
-
 def test_a_spine_of_bones_that_grow_differently_can_meet_its_bounds_in_every_frame() -> None:
     source = scene(7, 40, skeletons=(SPINE, SPINE))
     pairs, kinds = trunk_bends(source)
-    is_rigid = kinds == RIGID
+    pairs = pairs[kinds != RIGID]
     scales = np.ones((len(source.bones), 1))
     scales[::2] = 0.6
     bounds = bounds_of(source)
     rows = angle_rows(source, np.ones((40, len(source.bones))), bounds)
-    lower = rows.lower * angle_scales(source, scales, bounds)[:, 0]
+    lower = (rows.lower * angle_scales(source, scales, bounds)[:, 0])[:, : len(pairs)]
     lengths = np.linalg.norm(source.bone_vectors, axis=-1) * scales[:, 0]
     longest = lengths[:, pairs].sum(axis=-1)  # of a straight spine
-    assert (lower[:, ~is_rigid] <= longest[:, ~is_rigid] + 1e-9).all()
+    assert (lower <= longest + 1e-9).all()
 
 
 def held_arm(bends: list[float]) -> Scene:
@@ -194,6 +175,7 @@ def test_a_spine_of_many_joints_bends_no_more_as_a_whole(n_joints: int, each: fl
     source = scene(2, 5, skeletons=(body, SPINE))
     bounds = angle_bounds(source, replace(SETTINGS, max_spine_bend=25))
     chain, kinds = trunk_bends(source)
+    chain, kinds = chain[kinds != RIGID], kinds[kinds != RIGID]
     first, second = (source.bone_vectors[:, chain[:, side]] for side in (0, 1))
     lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
     # Between bones as they leave their joint; straight is a half turn.
@@ -207,6 +189,7 @@ def test_a_spine_of_many_joints_bends_no_more_as_a_whole(n_joints: int, each: fl
 def test_a_neck_begins_where_the_arms_leave_the_spine() -> None:
     source = scene(2, 5, skeletons=(NTU25, SPINE))
     pairs, kinds = trunk_bends(source)
+    pairs, kinds = pairs[kinds != RIGID], kinds[kinds != RIGID]
     neck = pairs[kinds == NECK]
     joints = source.bones[neck]
     assert sorted([NTU25.joints[joint] for joint in pair.ravel()] for pair in joints) == [
