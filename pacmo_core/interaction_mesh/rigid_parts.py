@@ -127,7 +127,7 @@ def _turn(turns: Single, moments: Entries) -> None:
     """Take a Newton step to the rotations R with the largest tr(R^T M), in place.
 
     With S = R^T M the step solves ``(c I - sym S) w = g``, g the axial vector of S - S^T. At the
-    solution c is tr S; farther from it c is at least the norm of S, so that the matrix stays
+    maximum c is tr S; farther from it c is at least the norm of S, so that the matrix stays
     positive definite and the step leads upwards.
     """
     rotation = _entries(turns)
