@@ -160,17 +160,18 @@ def right_side(energy: QuadraticEnergy, scales: Array) -> Array:
     return rhs
 
 
-def rigid_pairs(scene: Scene) -> Array:
+def rigid_pairs(scene: Scene) -> Indices:
     """``(S, 2)``: the bones that keep their angle to each other."""
     pairs, kinds = trunk_bends(scene)
-    chosen: Array = pairs[kinds == RIGID]
+    chosen: Indices = pairs[kinds == RIGID]
     return chosen
 
 
-NO_PAIRS = np.zeros((0, 2), dtype=np.intp)
+Indices = NDArray[np.intp]
+NO_PAIRS: Indices = np.zeros((0, 2), dtype=np.intp)
 
 
-def differences(scene: Scene, rigid: Array = NO_PAIRS) -> csc_array:
+def differences(scene: Scene, rigid: Indices = NO_PAIRS) -> csc_array:
     """Give the matrix from flat positions to flat differences, (3T(E + S), 3TN).
 
     Of bones, then of the outer ends of the bones of a rigid pair.
@@ -186,7 +187,7 @@ def differences(scene: Scene, rigid: Array = NO_PAIRS) -> csc_array:
     return csc_array((values, indices), shape=(len(row), 3 * n_frames * n_points))
 
 
-def difference_lengths(scene: Scene, scales: Array, rigid: Array) -> Array:
+def difference_lengths(scene: Scene, scales: Array, rigid: Indices) -> Array:
     """``(T, E + S)``: the lengths of ``differences`` that a body shall have."""
     vectors = scene.bone_vectors * scales[:, None]
     first, second = rigid.T
@@ -200,7 +201,7 @@ def banded(
     scene: Scene,
     energy: QuadraticEnergy,
     scales: Array,
-    rigid: Array = NO_PAIRS,
+    rigid: Indices = NO_PAIRS,
     *,
     n_rounds: int = 40,
 ) -> Array:
@@ -237,7 +238,7 @@ def manifold(
     scene: Scene,
     energy: QuadraticEnergy,
     scales: Array,
-    rigid: Array = NO_PAIRS,
+    rigid: Indices = NO_PAIRS,
     *,
     n_rounds: int = 12,
 ) -> Array:
@@ -284,7 +285,7 @@ def manifold(
     return displacement
 
 
-def _turning(scene: Scene, rigid: Array) -> tuple[Array, Array]:
+def _turning(scene: Scene, rigid: Indices) -> tuple[Indices, NDArray[np.bool_]]:
     """``(E,)`` each: what each bone turns with, from 0, and whether it turns alone."""
     owner = np.arange(len(scene.bones))
     for first, second in rigid:
@@ -293,7 +294,7 @@ def _turning(scene: Scene, rigid: Array) -> tuple[Array, Array]:
     return owner, counts[owner] == 1
 
 
-def _turn_columns(owner: Array, n_frames: int) -> csc_array:
+def _turn_columns(owner: Indices, n_frames: int) -> csc_array:
     """Give the matrix from flat turns, then roots, to flat turns of all bones, then roots."""
     n_bones, n_own, n_roots = len(owner), owner.max() + 1, 6 * n_frames
     t, e, c = np.indices((n_frames, n_bones, 3)).reshape(3, -1)
