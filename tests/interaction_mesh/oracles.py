@@ -29,6 +29,7 @@ from pacmo_core.interaction_mesh.scene import Scene
 from pacmo_core.interaction_mesh.settings import Settings
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 def energy_by_definition(
@@ -167,7 +168,6 @@ def rigid_pairs(scene: Scene) -> Indices:
     return chosen
 
 
-Indices = NDArray[np.intp]
 NO_PAIRS: Indices = np.zeros((0, 2), dtype=np.intp)
 
 
